@@ -1,0 +1,137 @@
+"""What a synthesis does from demonstrations to a saved program, whatever runs its stages."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from roboscribe.errors import DemonstrationError, Fail
+from roboscribe.rl.config import TrainConfig
+from roboscribe.synthesize import Limits, Solution, roboscribe
+from stages import collect, evaluate, ingest, package
+from stages.events import Evaluated, Failed, Ingested, Listener, Packaged
+from stages.steps import Call, Library, Put, Setting, Staged
+from stages.values import EPISODES, OUTCOME, read_fail, read_json
+from stages.world import DEMONSTRATIONS, TaskConfig
+
+SCRIPTED = "scripted"
+"""Profile in which lookahead controllers stand in for learned ones; point tasks only."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is asked for.
+
+    Args:
+        task: where.
+        seed: decides everything.
+        profile: what may be learned from; None is `actions` where the demonstrations have them, else `states`.
+        demonstrations: a Parquet file; None collects some.
+        shown: demonstrations to collect.
+        tried: episodes per rollout of Algorithm 2.
+        episodes: episodes of the final evaluation.
+        limits: accuracy asked and effort allowed.
+        training: settings of the learners, but for the profile.
+    """
+
+    task: TaskConfig
+    seed: int = 0
+    profile: str | None = None
+    demonstrations: Path | None = None
+    shown: int = 50
+    tried: int = 100
+    episodes: int = 500
+    limits: Limits = field(default_factory=Limits)
+    training: TrainConfig = field(default_factory=TrainConfig)
+
+
+@dataclass(frozen=True)
+class Synthesized:
+    """What a synthesis found.
+
+    Args:
+        solution: P*, T* and the refinements.
+        profile: how it was learned.
+        figures: of the final evaluation.
+        directory: the saved program, in the store.
+    """
+
+    solution: Solution[Library]
+    profile: str
+    figures: dict[str, Any]
+    directory: Path
+
+
+def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fail:
+    """Collect or take demonstrations, run Algorithm 1, evaluate and package.
+
+    Args:
+        plan: what is asked for.
+        call: runs a stage.
+        put: stores a small value.
+        tell: hears what happens.
+    """
+    shown, report = _demonstrations(plan, call)
+    if isinstance(report, Fail):
+        tell(Failed(report.reason))
+        return report
+    tell(Ingested(report))
+    profile = _profile(plan, report)
+    setting = _setting(plan, profile, shown)
+    staged = Staged(setting, call, put, tell)
+    solution = roboscribe(staged.steps(), Library(), plan.limits)
+    if isinstance(solution, Fail):
+        tell(Failed(solution.reason))
+        return solution
+    inputs = {"program": staged.program(solution.program), **solution.skills.runnable()}
+    config = evaluate.Config(plan.task, plan.seed, plan.episodes, plan.training.confirm)
+    evaluated = call("evaluate program", evaluate.STAGE, config, inputs)
+    figures = read_json(evaluated / OUTCOME)
+    tell(Evaluated(figures, evaluated / EPISODES))
+    about = package.Config(plan.task, profile, plan.seed, plan.training.confirm, report["digest"])
+    inputs |= {"tree": staged.tree(solution.tree), "outcome": evaluated / OUTCOME}
+    directory = call("package program", package.STAGE, about, inputs) / package.DIRECTORY
+    tell(Packaged(solution.program, solution.tree, directory))
+    return Synthesized(solution, profile, figures, directory)
+
+
+def program_name(task: str) -> str:
+    """Name a program after its task: "pick-place-1" gives "PickPlace1"."""
+    words = re.findall(r"[^\W_]+", task)
+    return "".join(word[:1].upper() + word[1:] for word in words) or "P"
+
+
+def _demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
+    """Return the file of usable demonstrations and what is said about it."""
+    given = plan.demonstrations
+    if given is None:
+        config = collect.Config(plan.task, plan.shown, plan.seed)
+        given = call("collect demonstrations", collect.STAGE, config, {}) / DEMONSTRATIONS
+    elif not given.is_file():
+        msg = f"{given}: no such file, expected demonstrations in Parquet"
+        raise DemonstrationError(msg)
+    out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
+    fail = read_fail(out)
+    return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
+
+
+def _profile(plan: Plan, report: dict[str, Any]) -> str:
+    """Settle how to learn.
+
+    Raises:
+        DemonstrationError: profile `actions` is asked for and the demonstrations have none.
+    """
+    if plan.profile == "actions" and not report["actions"]:
+        msg = f"{plan.demonstrations}: found no actions, expected them for profile actions; use profile states"
+        raise DemonstrationError(msg)
+    return plan.profile or ("actions" if report["actions"] else "states")
+
+
+def _setting(plan: Plan, profile: str, shown: Path) -> Setting:
+    """Say what all steps share."""
+    scripted = profile == SCRIPTED
+    training = plan.training if scripted else replace(plan.training, profile=profile)  # type: ignore[arg-type]
+    name = program_name(plan.task.name)
+    return Setting(plan.task, plan.seed, name, training, scripted, plan.tried, shown)

@@ -1,0 +1,283 @@
+"""The command line. Heavy packages are imported by the commands that need them, so that `--help` is quick."""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from roboscribe.errors import RoboScribeError
+
+if TYPE_CHECKING:
+    from roboscribe.io.atomic import Json
+    from roboscribe.world.layout import ObjectType
+    from stages.progress import Report
+
+SOLVED, BAD_INPUT, FAIL = 0, 2, 3
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""One thread each: small matrices gain nothing from more, and results stay the same."""
+
+app = typer.Typer(
+    help="From demonstrations to readable robot programs.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+console = Console(highlight=False)
+
+
+class Profile(StrEnum):
+    """What may be learned from."""
+
+    actions = "actions"
+    states = "states"
+    paper = "paper"
+    scripted = "scripted"
+
+
+class Engine(StrEnum):
+    """What runs the stages."""
+
+    prefect = "prefect"
+    local = "local"
+
+
+TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
+TaskOption = Annotated[str, typer.Option("--task", help="a name that `roboscribe tasks` lists")]
+ProgramName = Annotated[str, typer.Argument(help="a program's directory, or an MLflow run id", metavar="PROGRAM")]
+Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
+Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
+Timing = Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")]
+HomeDir = Annotated[Path, typer.Option("--home", envvar="ROBOSCRIBE_HOME", help="where data/ and mlruns/ are kept")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="write the result as JSON to this file")]
+
+
+@app.command()
+def tasks() -> None:
+    """List the tasks with their objects, goals and horizon."""
+    from rich.table import Table
+
+    from roboscribe.envs.catalogue import make_task, task_names
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title in ("task", "objects", "goals", "horizon"):
+        table.add_column(title)
+    for name in task_names():
+        task = make_task(name)
+        objects = ", ".join(task.layout.names)
+        goals = ", ".join(_goals(task.layout.entities)) or "none"
+        table.add_row(Text(name), Text(objects), Text(goals), f"{task.horizon} steps, {task.frequency:g} Hz")
+    console.print(table)
+
+
+@app.command()
+def demos(
+    task: TaskName,
+    out: Annotated[Path, typer.Option("--out", help="Parquet file to write")],
+    episodes: Annotated[int, typer.Option(min=1, help="successful demonstrations to collect")] = 50,
+    seed: Seed = 0,
+    contact: Contact = "stable",
+    timing: Timing = "fast",
+) -> None:
+    """Collect noisy scripted demonstrations into a Parquet file."""
+    from stages.collect import Config, collect
+    from stages.world import TaskConfig
+
+    config = Config(TaskConfig(task, contact, timing), episodes, seed)
+    _make_room(out)
+    with _bar() as report:
+        digest = collect(config, out, report)
+    _say(f"{episodes} demonstrations of {task} in {out}, SHA-256 {digest}")
+
+
+@app.command()
+def synthesize(
+    task: TaskName,
+    demos: Annotated[Path | None, typer.Option(help="demonstrations in Parquet; left out: collect 50")] = None,
+    seed: Seed = 0,
+    profile: Annotated[Profile | None, typer.Option(help="what may be learned from; left out: all there is")] = None,
+    engine: Annotated[Engine, typer.Option(help="what runs the stages")] = Engine.prefect,
+    out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
+    json: JsonFile = None,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
+    budget: Annotated[int | None, typer.Option(min=1, help="control steps of learning per skill")] = None,
+    contact: Contact = "stable",
+    timing: Timing = "fast",
+    home: HomeDir = Path(),
+) -> None:
+    """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
+    from pipelines.chain import Plan
+    from pipelines.session import Home, Session
+    from pipelines.story import Story
+    from roboscribe.errors import Fail
+    from roboscribe.rl.config import TrainConfig
+    from stages.world import TaskConfig
+
+    settings = TrainConfig() if budget is None else TrainConfig(budget=budget)
+    chosen = None if profile is None else profile.value
+    where = TaskConfig(task, contact, timing)
+    where.make()
+    plan = Plan(where, seed, chosen, demonstrations=demos, episodes=episodes, training=settings)
+    _make_room(*(path for path in (out, json) if path is not None))
+    with Story(console) as story:
+        session = Session(plan, Home(home), "local" if engine is Engine.local else "prefect", out)
+        result = session.run(story.audience())
+    if isinstance(result, Fail):
+        raise typer.Exit(FAIL)
+    _say(_rate(result))
+    _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
+    _say(f"program {result['program_dir']}\nMLflow run {result['mlflow_run_id']}")
+    _write(json, result)
+
+
+@app.command()
+def evaluate(
+    program: ProgramName,
+    task: TaskOption,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = 500,
+    seed: Seed = 0,
+    json: JsonFile = None,
+    contact: Contact = "stable",
+    timing: Timing = "fast",
+    home: HomeDir = Path(),
+) -> None:
+    """Measure a program's success with its 95 % Wilson interval."""
+    from pipelines.programs import evaluation, open_program, program_directory
+    from pipelines.session import Home
+    from stages.evaluate import Config
+    from stages.world import TaskConfig
+
+    config = Config(TaskConfig(task, contact, timing), seed, episodes)
+    made = config.task.make()
+    with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
+        result = evaluation(open_program(directory, made), config, report)
+    _say(_rate(result))
+    _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
+    _write(json, result)
+
+
+@app.command()
+def render(
+    program: ProgramName,
+    task: TaskOption,
+    out: Annotated[Path, typer.Option("--out", help="video to write")],
+    seed: Seed = 0,
+    contact: Contact = "stable",
+    timing: Timing = "fast",
+    home: HomeDir = Path(),
+) -> None:
+    """Write a video of one episode with the line of the program that acts."""
+    from pipelines.programs import film, open_program, program_directory
+    from pipelines.session import Home
+    from stages.world import TaskConfig
+
+    config = TaskConfig(task, contact, timing)
+    made = config.make()
+    _make_room(out)
+    with program_directory(program, Home(home).mlruns) as directory, console.status("rendering"):
+        path, solved = film(open_program(directory, made), config, seed, out)
+    _say(f"{path}: the task is {'solved' if solved else 'not solved'}")
+
+
+@app.command()
+def ui(
+    port: Annotated[int, typer.Option(min=1, max=65535, help="port on the loopback address")] = 5000,
+    home: HomeDir = Path(),
+) -> None:
+    """Show what was tracked in MLflow's interface, on 127.0.0.1 only."""
+    from pipelines.interface import serve
+    from pipelines.session import Home
+
+    _say(f"http://127.0.0.1:{port}")
+    serve(Home(home), port)
+
+
+def main() -> None:
+    """Run a command; bad input ends in one line and exit code 2, an interrupt in exit code 130."""
+    logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
+    os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        code = app(standalone_mode=False)
+    except typer.exceptions.TyperException as error:
+        code = _refuse(error.format_message() if isinstance(error, typer.BadParameter) else str(error))
+    except RoboScribeError as error:
+        code = _refuse(str(error))
+    sys.exit(code)
+
+
+def _refuse(message: str) -> int:
+    """Print one line on standard error; returns the exit code of bad input."""
+    sys.stderr.write(f"error: {message}\n")
+    return BAD_INPUT
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """End as an interrupt does: checkpoints are kept and the run is marked as killed."""
+    raise KeyboardInterrupt
+
+
+def _goals(entities: Sequence[ObjectType]) -> list[str]:
+    """Name the goals of entities."""
+    return [f"g({kind.name}): {', '.join(a.name for a in kind.goal)}" for kind in dict.fromkeys(entities) if kind.goal]
+
+
+def _make_room(*files: Path) -> None:
+    """Make the directories in which results go.
+
+    Raises:
+        ArtifactError: one cannot be made.
+    """
+    from roboscribe.errors import ArtifactError
+
+    for file in files:
+        try:
+            file.resolve().parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            msg = f"{file}: its directory cannot be made ({error.strerror})"
+            raise ArtifactError(msg) from error
+
+
+@contextmanager
+def _bar() -> Iterator[Report]:
+    """Show one progress bar for work that has no story."""
+    from pipelines.story import Story
+
+    with Story(console) as story:
+        yield story.watch
+
+
+def _rate(result: Mapping[str, Json]) -> str:
+    """Spell a success rate with its interval."""
+    rate, low, high = (float(str(result[name])) for name in ("success", "ci_low", "ci_high"))
+    return f"success {rate:.1%} (95 % interval {low:.1%} to {high:.1%}) in {result['episodes']} episodes"
+
+
+def _say(line: str) -> None:
+    """Print text as it is."""
+    console.print(Text(line), soft_wrap=True)
+
+
+def _write(path: Path | None, result: Mapping[str, Json]) -> None:
+    """Write a result as JSON where asked to."""
+    from roboscribe.io.atomic import indented_json, write_file
+
+    if path is not None:
+        write_file(path, indented_json(result).encode())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,197 @@
+"""One synthesis from start to end: its directories, its lock, its tracking, and what is left behind."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Literal, TypeAlias
+
+from pipelines.chain import Plan, Synthesized, chain, program_name
+from pipelines.prefect_settings import quiet_prefect
+from roboscribe.errors import DemonstrationError, Fail
+from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
+from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE
+from stages.code_version import code_version
+from stages.events import Event, Listener, RolledOut, Trained
+from stages.progress import Progress, Report
+from stages.settings import encode
+from stages.store import AnyStage, Inputs, Store, locked
+from stages.tracking import Tracker
+from stages.values import tree_to_json
+
+FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_steps", "refinements")
+"""Figures of the result that are tracked."""
+Engine: TypeAlias = Literal["prefect", "local"]
+
+
+@dataclass(frozen=True)
+class Home:
+    """Where everything is kept: stages, runs and programs under `data`, tracking under `mlruns`."""
+
+    path: Path
+
+    @property
+    def data(self) -> Path:
+        """Directory of stages, runs and programs."""
+        return self.path / "data"
+
+    @property
+    def mlruns(self) -> Path:
+        """Directory of the tracking store."""
+        return self.path / "mlruns"
+
+
+@dataclass(frozen=True)
+class Audience:
+    """Who watches: told which stage begins, what happens, and how far the work is."""
+
+    begin: Callable[[str], None]
+    listen: Listener
+    watch: Report
+
+
+@dataclass
+class Tally:
+    """Counts the control steps of a synthesis, those of cached stages included."""
+
+    env_steps: int = 0
+
+    def listen(self, event: Event) -> None:
+        """Count an event's control steps."""
+        match event:
+            case Trained(_, reports, _):
+                self.env_steps += sum(int(report["control_steps"]) for report in reports)
+            case RolledOut(_, counts, _):
+                self.env_steps += int(counts["control_steps"])
+
+
+@dataclass(frozen=True)
+class Session:
+    """Everything one synthesis needs.
+
+    Args:
+        plan: what is asked for.
+        home: where it is kept.
+        engine: what runs the stages.
+        out: where the program goes; None is a directory under `data/programs`.
+        track: whether MLflow is told.
+    """
+
+    plan: Plan
+    home: Home
+    engine: Engine = "prefect"
+    out: Path | None = None
+    track: bool = True
+
+    def run(self, audience: Audience) -> dict[str, Json] | Fail:
+        """Synthesize, or go on with an interrupted synthesis of the same plan.
+
+        Returns:
+            What `roboscribe synthesize --json` writes, or why there is no program.
+        """
+        start = perf_counter()
+        directory = self.home.data / "runs" / self.key()
+        directory.mkdir(parents=True, exist_ok=True)
+        with locked(directory):
+            tracker = Tracker(directory, self.home.mlruns, self._params(), self._title(), self.plan.task.name)
+            if self.track:
+                tracker.start()
+            tally = Tally()
+            try:
+                found = self._synthesize(audience, tracker, tally)
+                result = found if isinstance(found, Fail) else self._result(found, tally)
+            except BaseException as error:
+                tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
+                tracker.close(timeout=20.0)
+                raise
+            seconds = round(perf_counter() - start, 3)
+            if isinstance(result, Fail):
+                tracker.status("FAILED")
+                tracker.close()
+                return result
+            tracker.result({**{name: float(str(result[name])) for name in FIGURES}, "wall_seconds": seconds})
+            tracker.status("FINISHED")
+            return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
+
+    def key(self) -> str:
+        """Identify the run: the same plan, demonstrations and code give the same key.
+
+        Raises:
+            DemonstrationError: the demonstration file cannot be read.
+        """
+        given = self.plan.demonstrations
+        try:
+            digest = None if given is None else sha256_of(given)
+        except OSError as error:
+            msg = f"{given}: cannot be read ({error.strerror}), expected demonstrations in Parquet"
+            raise DemonstrationError(msg) from error
+        plan = encode(replace(self.plan, demonstrations=None))
+        text = canonical_json({"plan": plan, "demonstrations": digest, "code": code_version("stages.steps")})
+        return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+    def _synthesize(self, audience: Audience, tracker: Tracker, tally: Tally) -> Synthesized | Fail:
+        store = Store(self.home.data / "stages")
+
+        def watch(progress: Progress) -> None:
+            tracker.watch(progress)
+            audience.watch(progress)
+
+        def tell(event: Event) -> None:
+            for listen in (tally.listen, tracker.listen, audience.listen):
+                listen(event)
+
+        def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
+            audience.begin(label)
+            return store.run(stage, config, inputs, watch)
+
+        if self.engine == "local":
+            return chain(self.plan, call, store.put, tell)
+        quiet_prefect(self.home.data / "prefect")
+        from pipelines.synthesis import synthesize_with_prefect
+
+        return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell)
+
+    def _result(self, found: Synthesized, tally: Tally) -> dict[str, Json]:
+        """Publish the program and say what was found."""
+        plan, figures = self.plan, found.figures
+        name = f"{program_name(plan.task.name)}-{found.profile}-seed{plan.seed}"
+        out = self.out or self.home.data / "programs" / name
+        publish(found.directory, out)
+        return {
+            "task": plan.task.name,
+            "seed": plan.seed,
+            "profile": found.profile,
+            "success": figures["success"],
+            "episodes": figures["episodes"],
+            "ci_low": figures["ci_low"],
+            "ci_high": figures["ci_high"],
+            "refinements": len(found.solution.refinements),
+            "env_steps": tally.env_steps,
+            "evaluation_steps": figures["control_steps"],
+            "program": (found.directory / PROGRAM).read_text(),
+            "tree": tree_to_json(found.solution.tree),
+            "program_dir": str(out.resolve()),
+        }
+
+    def _title(self) -> str:
+        return f"{self.plan.task.name} seed {self.plan.seed}"
+
+    def _params(self) -> dict[str, str]:
+        plan = self.plan
+        return {
+            "task": plan.task.name,
+            "contact": plan.task.contact,
+            "timing": plan.task.timing,
+            "seed": str(plan.seed),
+            "profile": plan.profile or "by demonstrations",
+            "budget": str(plan.training.budget),
+        }
+
+
+def publish(packaged: Path, out: Path) -> None:
+    """Copy a saved program out of the store, its manifest last."""
+    out.mkdir(parents=True, exist_ok=True)
+    write_files({out / name: (packaged / name).read_bytes() for name in (PROGRAM, TREE, CONTROLLERS, MANIFEST)})

@@ -1,0 +1,151 @@
+"""The synthesis told as it happens: what was tried, how often it succeeded, which subgoal was chosen and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import TracebackType
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bar
+from rich.table import Table
+from rich.text import Text
+
+from pipelines.session import Audience
+from roboscribe.classifier import Refinement
+from roboscribe.dsl.printer import pretty, text
+from roboscribe.dsl.rewrite import controllers
+from roboscribe.search.predicates import Candidate
+from stages.events import Evaluated, Event, Failed, Grown, Ingested, Packaged, Programmed, Refined, RolledOut, Trained
+from stages.progress import Progress
+
+ROWS = 5
+"""Rows of a ranked table that are shown; all of them are tracked."""
+
+
+class Story:
+    """Prints what happens above one progress bar. Nothing it prints is read as markup."""
+
+    def __init__(self, console: Console) -> None:
+        """Prepare the bar; it moves only where the console is a terminal."""
+        self._console = console
+        self._bar = Bar(
+            SpinnerColumn(),
+            TextColumn("{task.description}", markup=False),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[figures]}", markup=False),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("starting", total=None, figures="")
+        self._refinements = 0
+        self._tried = ""
+
+    def __enter__(self) -> Story:
+        """Show the bar."""
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Remove the bar."""
+        self._bar.stop()
+
+    def audience(self) -> Audience:
+        """Return the ears of a session."""
+        return Audience(self.begin, self.listen, self.watch)
+
+    def begin(self, label: str) -> None:
+        """Name the stage that begins."""
+        self._bar.reset(self._task, description=label, total=None, figures="")
+
+    def watch(self, progress: Progress) -> None:
+        """Move the bar."""
+        figures = "  ".join(f"{name} {value:.3g}" for name, value in list(progress.metrics.items())[:3])
+        self._bar.update(
+            self._task, description=progress.what, completed=progress.done, total=progress.total, figures=figures
+        )
+
+    def listen(self, event: Event) -> None:
+        """Tell an event."""
+        match event:
+            case Ingested(report):
+                self._ingested(report)
+            case Programmed(goal, program):
+                self._tried = " ".join(f"π_{run.controller}" for run in controllers(program))
+                self.say(f"{goal}: trying {self._tried}")
+            case Trained(_, reports, _):
+                for report in reports:
+                    self.say(f"  {_trained(report)}")
+            case RolledOut(goal, counts, _):
+                self.say(f"  {self._tried} reached {goal} in {counts['successes']} of {counts['episodes']} episodes")
+            case Refined(refinement, _):
+                self._refined(refinement)
+            case Failed(reason):
+                self.say(f"FAIL: {reason}", "bold red")
+            case Packaged(program, _, _):
+                self.say("")
+                self.say(pretty(program).rstrip(), "bold")
+                self.say("")
+            case Evaluated() | Grown():
+                pass
+
+    def say(self, line: str, style: str = "") -> None:
+        """Print text as it is."""
+        self._console.print(Text(line, style=style), soft_wrap=True)
+
+    def _ingested(self, report: Mapping[str, Any]) -> None:
+        actions = "with actions" if report["actions"] else "states only"
+        self.say(f"{report['kept']} of {report['episodes']} demonstrations, {report['frames']} frames, {actions}")
+        for line in report["report"]:
+            self.say(f"  {line}", "yellow")
+
+    def _refined(self, refinement: Refinement) -> None:
+        self._refinements += 1
+        node = refinement.node
+        head = f"refinement {self._refinements}: {node.name} ≡ {text(node.predicate)}, a subgoal of {refinement.psi}"
+        self.say(head, "bold cyan")
+        self.say(f"  because {why(refinement)}")
+        if len(refinement.table) > 1:
+            self._console.print(ranked_table(refinement.table))
+
+
+def why(refinement: Refinement) -> str:
+    """Say in one line why a subgoal was chosen."""
+    psi, count = refinement.psi, refinement.negatives
+    if refinement.reused:
+        return f"before {psi} it holds again, for another entity, and in none of {count} failing states: a loop"
+    if not refinement.table:
+        return f"it alone tells {refinement.positives} states before {psi} from {count} failing ones"
+    best = refinement.table[0]
+    return (
+        f"it holds right before {psi} in all {refinement.positives} demonstrations, and in {best.accepted:.1%} of "
+        f"{count} failing states; it is first reached {best.first:.0%} into a demonstration, stays true in "
+        f"{best.kept:.0%} of the rest, and holds at the start of {best.initial:.0%}"
+    )
+
+
+def ranked_table(candidates: Iterable[Candidate]) -> Table:
+    """Show the first rows of a ranked table."""
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title in ("  rank", "predicate", "failures", "first", "kept", "start", "margin"):
+        table.add_column(title, justify="left" if title == "predicate" else "right", no_wrap=title != "predicate")
+    for rank, c in enumerate(list(candidates)[:ROWS], start=1):
+        shares = (f"{c.accepted:.1%}", f"{c.first:.0%}", f"{c.kept:.0%}", f"{c.initial:.0%}", f"{c.margin:.2f}")
+        table.add_row(str(rank), Text(text(c.predicate)), *shares)
+    return table
+
+
+def _trained(report: Mapping[str, Any]) -> str:
+    name, learner, steps = report["controller"], report["learner"], report["control_steps"]
+    if learner == "scripted":
+        return f"π_{name}: scripted"
+    if not report["starts"]:
+        return f"π_{name}: not trained, the program so far never gets there ({steps} control steps)"
+    rates = f"{report['warm_success']:.0%} → {report['success']:.0%}"
+    return f"π_{name}: {learner}, {rates} of held-out starts, {steps} control steps"

@@ -1,0 +1,47 @@
+"""The synthesis as a Prefect flow: every stage is a task run under a name that says what it is for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pipelines.chain import Plan, Synthesized, chain
+from pipelines.prefect_settings import quiet_prefect
+from roboscribe.errors import Fail
+from roboscribe.io.atomic import Json
+from stages.events import Listener
+from stages.settings import encode
+from stages.steps import Call, Put
+from stages.store import AnyStage, Inputs
+
+
+def synthesize_with_prefect(title: str, plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fail:
+    """Run `chain` as a flow whose stages are named task runs; results do not pass through Prefect.
+
+    Raises:
+        KeyboardInterrupt: the process was asked to end while the flow was running.
+    """
+    quiet_prefect()
+    from prefect import flow, task
+    from prefect.cache_policies import NO_CACHE
+    from prefect.exceptions import TerminationSignal
+
+    configs: dict[str, tuple[AnyStage, Any, Inputs]] = {}
+
+    @task(name="stage", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
+    def run_stage(label: str, stage: str, config: Json, inputs: Mapping[str, str]) -> str:
+        return str(call(label, *configs[label]))
+
+    def named(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
+        configs[label] = (stage, config, inputs)
+        return Path(run_stage(label, stage.name, encode(config), {name: str(path) for name, path in inputs.items()}))
+
+    @flow(name="synthesis", flow_run_name=title, retries=0, persist_result=False)
+    def synthesis(task_name: str, seed: int) -> Synthesized | Fail:
+        return chain(plan, named, put, tell)
+
+    try:
+        return synthesis(plan.task.name, plan.seed)
+    except TerminationSignal as signal:
+        raise KeyboardInterrupt from signal

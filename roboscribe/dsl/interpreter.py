@@ -1,0 +1,227 @@
+"""Running programs: `execute` drives worlds with controllers, `segment` cuts demonstrations by what would have run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.random import Generator
+
+from roboscribe.dsl.machine import Machine
+from roboscribe.dsl.rewrite import controllers as runs_of
+from roboscribe.dsl.rewrite import run_variables
+from roboscribe.dsl.rollouts import Episode, Rollouts, Tape, gather
+from roboscribe.dsl.semantics import SolvedTest
+from roboscribe.dsl.syntax import Program
+from roboscribe.errors import ProgramError
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.protocols import Task, World
+from roboscribe.world.trajectory import Trajectory
+
+__all__ = ["Controller", "Machine", "Rollouts", "Segment", "execute", "segment"]
+
+
+class Controller(Protocol):
+    """A low-level controller π: a function of the state and of the entities it is given."""
+
+    def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Choose actions (R, A) in [-1, 1] for states (R, F) and entities (R, n).
+
+        n is the count of distinct variables among the controller's arguments, in order of first occurrence; a column
+        holds NULL where the variable is null.
+        """
+
+
+def execute(
+    program: Program,
+    controllers: Mapping[str, Controller],
+    task: Task,
+    seeds: IntArray,
+    *,
+    limits: Mapping[str, int],
+    batch: int = 64,
+    horizon: int | None = None,
+    until_end: bool = False,
+    confirm: int = 3,
+    rng: Generator | None = None,
+    keep_actions: bool = False,
+) -> Rollouts:
+    """Run a program once from every seed's initial state.
+
+    Rows whose episode is over take the next seed, so the batch stays full. Without `rng` the result of an episode
+    depends on its seed alone, whatever the batch (given controllers whose answers do not depend on it either).
+
+    Args:
+        program: what to run.
+        controllers: controller by name.
+        task: world, goal test and horizon.
+        seeds: (E,) one per episode.
+        limits: step limit by controller name; a controller without one has all the time it wants.
+        batch: most rows at once.
+        horizon: most control steps of an episode; None is the task's.
+        until_end: success is that the program reaches its end, not that the task is solved.
+        confirm: consecutive observed states in which `until` must hold to count as reached.
+        rng: draws among the answers of get; None takes the lowest index.
+        keep_actions: keep the actions in the trajectories.
+
+    Returns:
+        Episodes in the order of `seeds`. With `until_end` False an episode ends as soon as the task is solved; with
+        True as soon as the program ends. Both end at the horizon and on divergence, as failures. A program that is
+        over leaves its last controller acting, and one that never had a controller commands zero.
+
+    Raises:
+        ProgramError: the program does not type-check for the task, or runs a controller that `controllers` lacks.
+
+    Source: Exec(M, P) of Sec. 3 and Fig. 14.
+    """
+    missing = {run.controller for run in runs_of(program)} - set(controllers)
+    if missing:
+        given = ", ".join(sorted(controllers)) or "none"
+        msg = f"program {program.name} runs π_{', π_'.join(sorted(missing))}; controllers given: {given}"
+        raise ProgramError(msg)
+    rows = min(batch, max(len(seeds), 1))
+    machine = Machine(program, task.layout, rows, limits=limits, confirm=confirm, rng=rng, solved=task.solved)
+    tape = Tape(task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions)
+    crew = [(controllers[run.controller], len(run_variables(run))) for run in runs_of(program)]
+    world = task.world(rows)
+    return _Execution(np.asarray(seeds, dtype=np.int64), task, world, machine, tape, crew, until_end).run()
+
+
+@dataclass
+class _Execution:
+    """One call of `execute`: rows that act, rows whose episode is over, seeds that wait."""
+
+    seeds: IntArray
+    task: Task
+    world: World
+    machine: Machine
+    tape: Tape
+    crew: list[tuple[Controller, int]]
+    until_end: bool
+
+    def __post_init__(self) -> None:
+        rows = len(self.tape.steps)
+        self._states = np.zeros((rows, self.task.layout.size))
+        self._diverged = np.zeros(rows, dtype=np.bool_)
+        self._episode = np.zeros(rows, dtype=np.int64)
+        self._next = 0
+        self._finished: dict[int, Episode] = {}
+
+    def run(self) -> Rollouts:
+        rows = self._begin(np.arange(len(self._states)))
+        while len(rows):
+            acting, over = self._judge(rows)
+            while len(fresh := self._begin(over)):
+                started, over = self._judge(fresh)
+                acting = np.sort(np.concatenate((acting, started)))
+            if len(acting):
+                self._step(acting)
+            rows = acting
+        return gather(self.task.layout, [self._finished[index] for index in range(len(self.seeds))])
+
+    def _begin(self, rows: IntArray) -> IntArray:
+        """Start the next episodes in `rows`; return the rows for which there was one."""
+        rows = rows[: len(self.seeds) - self._next]
+        if len(rows):
+            self._episode[rows] = np.arange(self._next, self._next + len(rows))
+            self._next += len(rows)
+            self._states[rows] = self.world.reset(rows, self.seeds[self._episode[rows]])
+            self._diverged[rows] = False
+            self.tape.start(rows, self._states[rows])
+            self.machine.reset(rows)
+        return rows
+
+    def _judge(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Look at the new states of `rows`: return those that act next, and those whose episode is over."""
+        diverged = self._diverged[rows]
+        lost = diverged | (self.tape.steps[rows] >= self.tape.horizon)
+        if self.until_end:
+            self.machine.advance(rows[~diverged], self._states[rows[~diverged]])
+            lost |= self.machine.stuck[rows]
+            success = self.machine.ended[rows] & ~self.machine.stuck[rows] & ~diverged
+        else:
+            success = self.task.solved(self._states[rows]) & ~diverged
+        over = success | lost
+        if not self.until_end:
+            self.machine.advance(rows[~over], self._states[rows[~over]])
+        self._finish(rows[over], success[over])
+        return rows[~over], rows[over]
+
+    def _finish(self, rows: IntArray, success: BoolArray) -> None:
+        for row, solved in zip(rows.tolist(), success.tolist(), strict=True):
+            episode = self.tape.cut(row, solved, bool(self._diverged[row]), self.machine.bound[row])
+            self._finished[int(self._episode[row])] = episode
+
+    def _step(self, rows: IntArray) -> None:
+        lines = self.machine.run_index[rows]
+        actions = self._command(lines, self._states[rows], self.machine.entities(rows))
+        states = self.world.step(rows, actions)
+        self.tape.step(rows, actions, lines, states)
+        self._states[rows] = states
+        self._diverged[rows] = self.world.diverged(rows)
+
+    def _command(self, lines: IntArray, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Ask each row's controller for an action (R, A); rows without one stand still."""
+        actions = np.zeros((len(lines), self.task.action_size))
+        for line in np.flatnonzero(np.bincount(lines + 1)) - 1:
+            if line >= 0:
+                here = np.flatnonzero(lines == line)
+                controller, count = self.crew[line]
+                actions[here] = controller.act(states[here], entities[here, :count])
+        return actions
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Frames start to stop - 1 of a demonstration: the actions taken while one controller statement was active.
+
+    Args:
+        run_index: index into `controllers(program)`.
+        start: first frame.
+        stop: frame after the last one.
+        entities: what the statement's variables were bound to, in order of first occurrence among its arguments.
+    """
+
+    run_index: int
+    start: int
+    stop: int
+    entities: tuple[int, ...]
+
+
+def segment(
+    program: Program,
+    trajectory: Trajectory,
+    limits: Mapping[str, int] | None = None,
+    solved: SolvedTest | None = None,
+) -> tuple[Segment, ...]:
+    """Cut a demonstration into the parts that each visit to a controller statement would have been responsible for.
+
+    The program is advanced along the demonstrated states. A statement whose goal holds on arrival gets no frame, unless
+    it is the last one: frames after the program's end belong to the last statement reached.
+
+    Args:
+        program: what to advance.
+        trajectory: T + 1 states.
+        limits: step limit by controller name; none by default.
+        solved: answers ψ_R, where the program mentions it.
+
+    Returns:
+        Segments in order, without gaps from the first controller on; empty if no controller is ever reached.
+    """
+    machine = Machine(program, trajectory.layout, 1, limits=limits or {}, confirm=1, solved=solved)
+    row = np.zeros(1, dtype=np.int64)
+    counts = [len(run_variables(run)) for run in runs_of(program)]
+    found: list[Segment] = []
+    visit = 0
+    for frame in range(len(trajectory) - 1):
+        machine.advance(row, trajectory.states[frame : frame + 1])
+        line = int(machine.run_index[0])
+        if line >= 0 and machine.visit[0] != visit:
+            visit = int(machine.visit[0])
+            entities = tuple(machine.entities(row)[0, : counts[line]].tolist())
+            found.append(Segment(line, frame, frame + 1, entities))
+        elif found:
+            found[-1] = replace(found[-1], stop=frame + 1)
+    return tuple(found)

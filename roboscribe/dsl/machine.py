@@ -1,0 +1,192 @@
+"""The batched interpreter's control (Fig. 14): which controller acts in which row, and on what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.random import Generator
+
+from roboscribe.dsl.compile import NOWHERE, Act, Bind, Branch, End, Jump, compile_program
+from roboscribe.dsl.rewrite import assigned
+from roboscribe.dsl.semantics import SolvedTest, holds
+from roboscribe.dsl.syntax import Predicate, Program
+from roboscribe.dsl.types import check_program
+from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray, Layout
+
+MOVES = 256
+"""Control-flow instructions that a row may pass within one observed state before it counts as stuck."""
+
+
+class Machine:
+    """One program over `batch` rows, each with its own place, binding and counts.
+
+    A machine sees states and says which controller acts; it never touches a world. Rows never influence each other,
+    except through the order in which they draw from `rng`.
+
+    Args:
+        program: what to run.
+        layout: meaning of the states.
+        batch: B, count of rows.
+        limits: step limit by controller; a controller without one has all the time it wants.
+        confirm: consecutive observed states in which `until` must hold to count as reached.
+        rng: draws among the answers of get; None takes the lowest entity index.
+        solved: answers ψ_R, where the program mentions it.
+
+    Source: Fig. 14.
+    Departs: `until` is confirmed over several states, and controllers time out, since single observations are noisy
+        and a learned controller may never arrive (algorithms.md, rulings 11 and 12).
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        layout: Layout,
+        batch: int,
+        *,
+        limits: Mapping[str, int],
+        confirm: int = 3,
+        rng: Generator | None = None,
+        solved: SolvedTest | None = None,
+    ) -> None:
+        """Check the program and place every row at its start."""
+        check_program(program, layout)
+        self._code = compile_program(program)
+        self._layout, self._confirm, self._rng, self._solved = layout, confirm, rng, solved
+        self._most_moves = max(MOVES, 4 * len(self._code))
+        acts = [step for step in self._code if isinstance(step, Act)]
+        self._limits = {act.index: limits[act.controller] for act in acts if act.controller in limits}
+        self._binding = {name: np.full(batch, NULL, dtype=np.int64) for name in assigned(program)}
+        self._place = np.zeros(batch, dtype=np.int64)
+        self._resting = np.zeros(batch, dtype=np.bool_)
+        self._steps = np.zeros(batch, dtype=np.int64)
+        self._streak = np.zeros(batch, dtype=np.int64)
+        self._entities = np.full((batch, max((len(a.variables) for a in acts), default=0)), NULL, dtype=np.int64)
+        self.run_index: IntArray = np.full(batch, -1, dtype=np.int64)
+        """Which of `controllers(program)` acts now; after the end the last one reached, -1 if none ever was. (B,)"""
+        self.visit: IntArray = np.zeros(batch, dtype=np.int64)
+        """How many times a controller statement was reached, so that two visits to one statement differ. (B,)"""
+        self.ended: BoolArray = np.zeros(batch, dtype=np.bool_)
+        """The program is over, or the row is stuck. (B,)"""
+        self.stuck: BoolArray = np.zeros(batch, dtype=np.bool_)
+        """The row went round in control flow without a controller to run. (B,)"""
+        self.bound: list[list[int]] = [[] for _ in range(batch)]
+        """Entities in the order in which get first bound them, by row."""
+
+    def reset(self, rows: IntArray) -> None:
+        """Start the program over in some rows."""
+        for values in self._binding.values():
+            values[rows] = NULL
+        for counts in (self._place, self._steps, self._streak, self.visit):
+            counts[rows] = 0
+        self._entities[rows] = NULL
+        self.run_index[rows] = -1
+        self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
+        for row in rows:
+            self.bound[row] = []
+
+    def entities(self, rows: IntArray) -> IntArray:
+        """Return the entities that the acting controllers look at, (R, n), padded with NULL on the right."""
+        found: IntArray = self._entities[rows]
+        return found
+
+    def advance(self, rows: IntArray, states: FloatArray) -> None:
+        """Observe one more state in some rows and move each to the controller that shall act now, or to the end.
+
+        Args:
+            rows: (R,) distinct rows.
+            states: (R, F) what they observe.
+        """
+        live = ~self.ended[rows]
+        if not live.all():
+            rows, states = rows[live], states[live]
+        self._steps[rows] += 1
+        for _ in range(self._most_moves):
+            if not len(rows):
+                return
+            going = self._execute_all(rows, states)
+            rows, states = rows[going], states[going]
+        self.stuck[rows] = self.ended[rows] = True
+
+    def _execute_all(self, rows: IntArray, states: FloatArray) -> BoolArray:
+        """Execute one instruction in every row; return which (R,) have another to execute in this state."""
+        places = self._place[rows]
+        if (places == places[0]).all():
+            return self._execute(int(places[0]), rows, states)
+        going = np.zeros(len(rows), dtype=np.bool_)
+        for place in np.flatnonzero(np.bincount(places)):
+            here = np.flatnonzero(places == place)
+            going[here] = self._execute(int(place), rows[here], states[here])
+        return going
+
+    def _execute(self, place: int, rows: IntArray, states: FloatArray) -> BoolArray:
+        match self._code[place]:
+            case Act() as act:
+                return self._act(act, rows, states)
+            case Bind() as bind:
+                null = self._bind(bind, rows, states)
+                self._place[rows] = np.where(null & (bind.null != NOWHERE), bind.null, place + 1)
+            case Branch(predicate, needs, otherwise):
+                true = self._holds(predicate, needs, rows, states)
+                self._place[rows] = np.where(true, place + 1, otherwise)
+            case Jump(target):
+                self._place[rows] = target
+            case End():
+                self.ended[rows] = True
+                return np.zeros(len(rows), dtype=np.bool_)
+        return np.ones(len(rows), dtype=np.bool_)
+
+    def _act(self, act: Act, rows: IntArray, states: FloatArray) -> BoolArray:
+        """Stay with a controller, or leave it because its goal is reached or its time in a loop is up."""
+        arriving = rows[~self._resting[rows]]
+        if len(arriving):
+            self._arrive(act, arriving)
+        streak = np.where(self._holds(act.until, act.needs, rows, states), self._streak[rows] + 1, 0)
+        self._streak[rows] = streak
+        leaving: BoolArray = streak >= self._confirm
+        self._place[rows[leaving]] += 1
+        limit = self._limits.get(act.index)
+        if limit is not None and act.head != NOWHERE:
+            late = ~leaving & (self._steps[rows] >= limit)
+            self._place[rows[late]] = act.head
+            leaving |= late
+        self._resting[rows[leaving]] = False
+        return leaving
+
+    def _arrive(self, act: Act, rows: IntArray) -> None:
+        self._resting[rows] = True
+        self._steps[rows] = self._streak[rows] = 0
+        self.run_index[rows] = act.index
+        self.visit[rows] += 1
+        self._entities[rows] = NULL
+        for column, name in enumerate(act.variables):
+            self._entities[rows, column] = self._lookup(name, rows)
+
+    def _bind(self, bind: Bind, rows: IntArray, states: FloatArray) -> BoolArray:
+        """Bind a variable in every row; return where it became null (R,)."""
+        candidates = np.array(self._layout.of_type(bind.type), dtype=np.int64)
+        binding: dict[str, IntArray | int] = {name: self._lookup(name, rows) for name in bind.needs}
+        fits = np.zeros((len(candidates), len(rows)), dtype=np.bool_)
+        for rank, entity in enumerate(candidates):
+            binding[bind.var] = int(entity)
+            fits[rank] = holds(bind.where, states, binding, self._layout, self._solved)
+        chosen = np.full(len(rows), NULL, dtype=np.int64)
+        found = fits.any(axis=0)
+        if found.any():
+            draw = fits if self._rng is None else np.where(fits, self._rng.random(fits.shape), -1.0)
+            chosen[found] = candidates[draw.argmax(axis=0)[found]]
+        self._binding[bind.var][rows] = chosen
+        for row, entity in zip(rows[found], chosen[found], strict=True):
+            if entity not in self.bound[row]:
+                self.bound[row].append(int(entity))
+        null: BoolArray = chosen == NULL
+        return null
+
+    def _holds(self, predicate: Predicate, needs: tuple[str, ...], rows: IntArray, states: FloatArray) -> BoolArray:
+        binding = {name: self._lookup(name, rows) for name in needs}
+        return holds(predicate, states, binding, self._layout, self._solved)
+
+    def _lookup(self, name: str, rows: IntArray) -> IntArray:
+        if name in self._binding:
+            return self._binding[name][rows]
+        return np.full(len(rows), self._layout.names.index(name), dtype=np.int64)

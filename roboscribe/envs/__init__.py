@@ -1,0 +1,1 @@
+"""Simulated tasks: MuJoCo scenes on one batched engine, and a kinematic toy world."""

@@ -1,0 +1,217 @@
+"""A scripted demonstrator for the Fetch scene, with correlated noise.
+
+Its command is a smooth function of the observed state alone (hand, finger opening, blocks, goals), so that a learner
+without memory can imitate it. Hand and block move in funnels: the farther from the axis above the target, the higher.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.random import Generator
+
+from roboscribe.errors import TaskError
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.protocols import Task, World
+from roboscribe.world.trajectory import Trajectory
+
+GAIN = 16.0
+"""Commanded displacement per metre of error, in actions."""
+GRIP = 0.053
+"""The fingers have closed on a block when they are nearer than this, m."""
+OPEN = 0.085
+"""Fingers wider than this pass a block on both sides, m."""
+NEAR = 0.02
+"""The hand is around a block when their centres are closer than this, m."""
+PLACED = 0.02
+"""A block this close to its goal is let go (all but the last), m."""
+CLEAR = 0.10
+"""Height above other blocks at which the hand crosses, m."""
+TIP_BLOCK, TIP_GOAL = 0.012, 0.02
+"""Hand and block come down within this distance of the axis, m."""
+LOW_FETCH, LOW_CARRY = 0.06, 0.04
+"""Height of approach to a block that is alone, and to its goal, m."""
+HOVER = 0.06
+"""Fingers that are not open yet keep this high above the block, m."""
+PINCH = 0.6
+"""Finger command, well beyond what saturates the fingers and well within what noise can reverse."""
+STAY = 10
+"""An episode ends when the task has been solved for this many states in a row."""
+SPREAD = np.array([0.15, 0.15, 0.15, 0.1])
+"""Standard deviation of the noise."""
+MEMORY = 0.7
+"""Correlation of the noise from one step to the next."""
+BATCH = 64
+"""Episodes run at once."""
+LEAST = 0.5
+"""Share of episodes that must succeed for a demonstrator to be one."""
+
+
+def ramp(values: FloatArray, low: float, high: float) -> FloatArray:
+    """Rise linearly from 0 at `low` to 1 at `high`."""
+    return np.clip((values - low) / (high - low), 0.0, 1.0)
+
+
+def funnel(radius: FloatArray, tip: float, top: FloatArray) -> FloatArray:
+    """Height to keep at a horizontal distance: 0 within `tip`, then three times as steep as wide, up to `top`."""
+    return np.clip(3.0 * (radius - tip), 0.0, top)
+
+
+def active(blocks: FloatArray, goals: FloatArray) -> IntArray:
+    """Index (R,) of the first block that is not placed; the last block is never let go."""
+    waiting = np.linalg.norm(blocks - goals, axis=2) >= PLACED
+    waiting[:, -1] = True
+    first: IntArray = waiting.argmax(axis=1).astype(np.int64)
+    return first
+
+
+def command(count: int, states: FloatArray) -> FloatArray:
+    """Decide the noiseless action: open, come down on the next block, close, carry it to its goal from above.
+
+    Args:
+        count: N, the number of blocks.
+        states: (R, F) states of a Fetch scene.
+
+    Returns:
+        (R, 4) actions in [-1, 1].
+    """
+    hand, opening = states[:, :3], states[:, 3]
+    objects = states[:, 7:].reshape(len(states), count, 12)
+    blocks, goals = objects[..., :3], objects[..., 9:]
+    index = active(blocks, goals)
+    row = np.arange(len(states))
+    block, goal = blocks[row, index], goals[row, index]
+    others = np.where(np.arange(count)[:, None] == index[:, None, None], -np.inf, blocks)
+    around = np.linalg.norm(block - hand, axis=1) < NEAR
+    closed = ramp(-opening, -GRIP - 0.003, -GRIP)[:, None]
+    carry = closed * _route(block, goal, others, TIP_GOAL, LOW_CARRY)
+    move = np.where(around[:, None] & (closed > 0), carry, _fetch(hand, opening, block, others, around))
+    move = np.where(_leaving(hand, others)[:, None], _withdraw(opening), GAIN * move)
+    return np.concatenate([np.clip(move, -1.0, 1.0), np.where(around, -PINCH, PINCH)[:, None]], axis=1)
+
+
+def _fetch(
+    hand: FloatArray, opening: FloatArray, block: FloatArray, others: FloatArray, around: BoolArray
+) -> FloatArray:
+    """Displacement (R, 3) towards the block through a funnel above it, and down only with open fingers."""
+    gap = _route(hand, block, others, TIP_BLOCK, LOW_FETCH)
+    narrow = np.where(around, 0.0, HOVER * ramp(-opening, -OPEN, -OPEN + 0.03))
+    gap[:, 2] = np.maximum(gap[:, 2], block[:, 2] - hand[:, 2] + narrow)
+    return gap
+
+
+def _route(start: FloatArray, end: FloatArray, others: FloatArray, tip: float, low: float) -> FloatArray:
+    """Displacement (R, 3) from `start` towards `end`, coming down a funnel within `tip` of the axis above `end`.
+
+    One block alone is approached at the height `low`. Among several the height clears the highest of the `others`
+    (R, N, 3), and what is still below it rises before it crosses.
+    """
+    gap = end - start
+    radius = np.linalg.norm(gap[:, :2], axis=1)
+    if others.shape[1] == 1:
+        gap[:, 2] += funnel(radius, tip, np.full(len(gap), low))
+        return gap
+    gap[:, 2] += funnel(radius, tip, np.maximum(others[..., 2].max(axis=1) + CLEAR - end[:, 2], CLEAR))
+    gap[:, :2] *= 1.0 - ramp(gap[:, 2:], 0.01, 0.04)
+    return gap
+
+
+def _leaving(hand: FloatArray, others: FloatArray) -> BoolArray:
+    """Tell whether the hand (R, 3) is still around a block that it is done with: one of the `others` (R, N, 3)."""
+    gap = hand[:, None] - others
+    inside = (np.linalg.norm(gap[..., :2], axis=2) < NEAR) & (gap[..., 2] < 2 * NEAR)
+    around: BoolArray = inside.any(axis=1)
+    return around
+
+
+def _withdraw(opening: FloatArray) -> FloatArray:
+    """Action (R, 3) that lets go: stay until the fingers are open, then rise."""
+    rise = ramp(opening, OPEN - 0.02, OPEN)
+    return np.stack([np.zeros_like(rise), np.zeros_like(rise), rise], axis=1)
+
+
+@dataclass
+class Episode:
+    """One running episode: its own random numbers, its noise, and what was recorded."""
+
+    seed: int
+    rng: Generator
+    states: list[FloatArray] = field(default_factory=list)
+    actions: list[FloatArray] = field(default_factory=list)
+    snapshots: list[FloatArray] = field(default_factory=list)
+    noise: FloatArray = field(default_factory=lambda: np.zeros(4))
+    solved: int = 0
+
+    def disturb(self, action: FloatArray) -> FloatArray:
+        """Add the next correlated noise (an Ornstein-Uhlenbeck process) to an action (4,), within its bounds."""
+        fresh = self.rng.normal(size=4) * SPREAD
+        self.noise = MEMORY * self.noise + np.sqrt(1 - MEMORY**2) * fresh
+        return np.clip(action + self.noise, -1.0, 1.0)
+
+    def record(self, state: FloatArray, snapshot: FloatArray, solved: bool) -> None:
+        """Append what was observed."""
+        self.states.append(state)
+        self.snapshots.append(snapshot)
+        self.solved = self.solved + 1 if solved else 0
+
+
+def start(seed: int, index: int) -> Episode:
+    """Prepare episode `index` of a seed; it depends on nothing else."""
+    rng = np.random.default_rng(np.random.SeedSequence((seed, index)))
+    return Episode(int(rng.integers(2**62)), rng)
+
+
+def collect(task: Task, episodes: int, seed: int) -> list[Trajectory]:
+    """Collect successful noisy demonstrations of a Fetch task.
+
+    Args:
+        task: its layout is that of a Fetch scene.
+        episodes: how many to return.
+        seed: decides everything; a longer collection starts with the shorter one.
+
+    Raises:
+        TaskError: fewer than half of the attempts succeed.
+    """
+    world = task.world(min(BATCH, max(episodes, 1)))
+    found: list[Trajectory] = []
+    tried = 0
+    while len(found) < episodes:
+        if tried > 2 * BATCH and len(found) < LEAST * tried:
+            msg = f"the demonstrator of {task.name} solved {len(found)} of {tried} episodes, expected at least half"
+            raise TaskError(msg)
+        wave = [start(seed, tried + i) for i in range(world.batch)]
+        run(task, world, wave)
+        found += [trajectory(task, episode) for episode in wave if episode.solved == STAY]
+        tried += len(wave)
+    return found[:episodes]
+
+
+def run(task: Task, world: World, wave: list[Episode]) -> None:
+    """Run a wave of episodes, one per row, until each has stayed solved, left physics or met the horizon."""
+    rows = np.arange(len(wave))
+    states = world.reset(rows, np.array([episode.seed for episode in wave], dtype=np.int64))
+    _record(task, world, rows, states, wave)
+    for _ in range(task.horizon):
+        running = ~world.diverged(rows) & np.array([wave[row].solved < STAY for row in rows])
+        rows, states = rows[running], states[running]
+        if len(rows) == 0:
+            return
+        wanted = command(len(task.layout.entities), states)
+        actions = np.array([wave[row].disturb(action) for row, action in zip(rows, wanted, strict=True)])
+        states = world.step(rows, actions)
+        for row, action in zip(rows, actions, strict=True):
+            wave[row].actions.append(action)
+        _record(task, world, rows, states, wave)
+
+
+def _record(task: Task, world: World, rows: IntArray, states: FloatArray, wave: list[Episode]) -> None:
+    """Append the present states and snapshots of `rows` to their episodes."""
+    observed = zip(rows, states, world.save(rows), task.solved(states), strict=True)
+    for row, state, snapshot, solved in observed:
+        wave[row].record(state, snapshot, bool(solved))
+
+
+def trajectory(task: Task, episode: Episode) -> Trajectory:
+    """Freeze what an episode recorded."""
+    return Trajectory(task.layout, np.array(episode.states), np.array(episode.actions), np.array(episode.snapshots))

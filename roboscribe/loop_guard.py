@@ -1,0 +1,209 @@
+"""PREDICATESYNTHESIS (Algorithm 6): which entity a loop must take next, read off the demonstrations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+
+from roboscribe.dsl.rewrite import free_vars, rename, size
+from roboscribe.dsl.semantics import holds
+from roboscribe.dsl.syntax import Goal, Less, Not, Predicate, Proj, Truth, Var
+from roboscribe.errors import Fail
+from roboscribe.evidence import Evidence
+from roboscribe.search.topdown import Atoms, Literal, top_down_enum
+from roboscribe.subtask_tree import NEVER, Node, Tree
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+
+TOLERANCE = 0.02
+"""Share of positive, and of negative, examples on which a guard may err: `at` flickers while a block is let go."""
+MOST_EXAMPLES = 12_000
+
+
+@dataclass(frozen=True, eq=False)
+class Examples:
+    """(s_t, e_i) pairs of all demonstrations.
+
+    Args:
+        states: (X, F).
+        entities: (X,) index of e_i.
+        positive: (X,) e_i is being handled in s_t.
+        done: (X,) e_i was handled before s_t; of the negatives, those that show termination.
+    """
+
+    states: FloatArray
+    entities: IntArray
+    positive: BoolArray
+    done: BoolArray
+
+    def __getitem__(self, rows: BoolArray | slice) -> Examples:
+        """Select examples."""
+        return Examples(self.states[rows], self.entities[rows], self.positive[rows], self.done[rows])
+
+
+def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate | Fail:
+    """Find the guard of a loop over the entities of a circular node.
+
+    Args:
+        evidence: demonstrations.
+        tree: T, whose learned predicates about one entity are atoms of the search.
+        node: the circular node ∃o.φ.
+
+    Returns:
+        A predicate over φ's free entity, true of those that may be handled now; Fail when nothing in the grammar
+        tells even the handled from the unhandled.
+
+    Source:  Algorithm 6.
+    Departs: examples come from all demonstrations and every e_i is explained by one predicate over the variable,
+        so that the guard does not fit one demonstration's accidents. Where no predicate explains the order, the
+        demonstrations show none, and the guard need only encode termination.
+    """
+    (entity,) = free_vars(node.predicate)
+    examples = loop_examples(evidence, node.predicate)
+    if not examples.positive.any():
+        return Fail(f"no demonstration handles entities one after another until {node.name}")
+    atoms = _atoms(evidence, tree, node)
+    guard = _search(examples, atoms, entity, evidence)
+    if guard is None:
+        guard = _search(examples[examples.positive | examples.done], atoms, entity, evidence)
+    if guard is None:
+        return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
+    return guard
+
+
+def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
+    """Label every (state, entity): positive while the entity is handled, negative before and after.
+
+    Segment S_i ends when e_i first satisfies φ and begins where S_{i-1} ended. Entities that satisfy φ from the
+    start are never handled; demonstrations in which one never satisfies φ show nothing and are left out.
+
+    Source: Algorithm 6, lines 3-12.
+    """
+    (name,) = free_vars(phi)
+    members = evidence.layout.of_type(evidence.types[name])
+    first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
+    parts = [
+        _label(trajectory.states, members, first[:, d])
+        for d, trajectory in enumerate(evidence.trajectories)
+        if (first[:, d] < NEVER).all()
+    ]
+    if not parts:
+        empty = np.empty(0, dtype=np.bool_)
+        return Examples(np.empty((0, evidence.layout.size)), np.empty(0, dtype=np.int64), empty, empty)
+    examples = Examples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return examples[:: len(examples.entities) // MOST_EXAMPLES + 1]
+
+
+def _label(
+    states: FloatArray, members: tuple[int, ...], first: IntArray
+) -> tuple[FloatArray, IntArray, BoolArray, BoolArray]:
+    ends = np.sort(first)
+    begins = {end: begin for begin, end in zip((0, *ends), ends, strict=False)}
+    steps = np.arange(len(states))
+    columns = []
+    for entity, end in zip(members, first, strict=True):
+        handled = (steps >= begins[end]) & (steps < end)
+        columns.append((states, np.full(len(states), entity), handled, steps >= end))
+    joined = [np.concatenate(column) for column in zip(*columns, strict=True)]
+    return joined[0], joined[1].astype(np.int64), joined[2], joined[3]
+
+
+def _search(examples: Examples, atoms: _GuardAtoms, entity: str, evidence: Evidence) -> Predicate | None:
+    if not (~examples.positive).any():
+        return Truth()
+    tables = atoms.tables(examples, entity, evidence)
+    return top_down_enum(tables, examples.positive, TOLERANCE)
+
+
+@dataclass(frozen=True)
+class _GuardAtoms:
+    """Atoms over the loop's entity v, and over v and another entity v' of its type."""
+
+    unary: tuple[tuple[Predicate, int], ...]
+    binary: tuple[tuple[Predicate, int], ...]
+    other: str
+    kind: str
+
+    def tables(self, examples: Examples, entity: str, evidence: Evidence) -> Atoms:
+        """Evaluate every atom on every example, for v' also on every entity of the type."""
+        members = evidence.layout.of_type(self.kind)
+        own = {entity: examples.entities}
+
+        def about_v(p: Predicate) -> BoolArray:
+            return holds(p, examples.states, own, evidence.layout)
+
+        def about_both(p: Predicate) -> BoolArray:
+            each = [holds(p, examples.states, {**own, self.other: e}, evidence.layout) for e in members]
+            return np.stack(each)
+
+        inner = [(rename(p, {entity: self.other}), cost) for p, cost in self.unary] + list(self.binary)
+        return Atoms(
+            outer=tuple(Literal(p, cost, about_v(p)) for p, cost in self.unary),
+            inner=tuple(Literal(p, cost, about_both(p)) for p, cost in inner),
+            var=Var(self.other),
+            kind=self.kind,
+        )
+
+
+LEARNED_COST = 1
+COMPARISON_COST = 2
+
+
+def _atoms(evidence: Evidence, tree: Tree, node: Node) -> _GuardAtoms:
+    """Learned predicates about the entity, and comparisons of coordinates of entities and goals."""
+    (entity,) = free_vars(node.predicate)
+    kind = evidence.types[entity]
+    other = f"{evidence.layout.letter(kind)}'"
+    learned = [n.predicate for n in (node, *tree.below(node.name)) if free_vars(n.predicate) == (entity,)]
+    own = [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity,))]
+    pairs = [p for p in _comparisons(evidence, (entity, other)) if len(free_vars(p)) == 2]
+    unary = [*((p, LEARNED_COST) for p in dict.fromkeys(learned)), *own]
+    return _GuardAtoms(tuple(unary), tuple((p, COMPARISON_COST) for p in pairs), other, kind)
+
+
+def _comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
+    """α < α over single coordinates of lengths of the entities `names` (all of one type) and of their goals."""
+    kind = evidence.layout.types[evidence.types[names[0]]]
+    for attribute in (a for a in kind.attributes if a.unit == "m"):
+        objects = [Var(n) for n in names]
+        goals = [Goal(Var(n)) for n in names] if any(g.name == attribute.name for g in kind.goal) else []
+        for one, two in product([*goals, *objects], repeat=2):
+            if one != two:
+                yield from (Less(Proj(one, c), Proj(two, c)) for c in attribute.components)
+
+
+def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
+    """Find when `one` is reached before `other`, as a predicate on the initial state.
+
+    Args:
+        evidence: demonstrations.
+        one: a branch's node.
+        other: the branch that comes first where the predicate is false.
+
+    Returns:
+        The smallest comparison of coordinates of the two nodes' entities and goals, or its negation.
+
+    Source: Sec. 4.5.
+    """
+    first = evidence.first_steps(one.predicate) < evidence.first_steps(other.predicate)
+    starts = evidence.states[evidence.starts]
+    names = (*free_vars(one.predicate), *free_vars(other.predicate))
+    tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
+    for test in tests:
+        truth = holds(test, starts, {}, evidence.layout)
+        for predicate, answer in ((test, truth), (Not(test), ~truth)):
+            if np.mean(answer != first) <= TOLERANCE:
+                return predicate
+    return Fail(f"no comparison of coordinates explains why {one.name} sometimes comes before {other.name}")
+
+
+def _cross_comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
+    for one, two in combinations(names, 2):
+        kinds = [evidence.layout.types[evidence.types[n]] for n in (one, two)]
+        for goals in (True, False):
+            shared = [a for a in kinds[0].described(goals) if a in kinds[1].described(goals) and a.unit == "m"]
+            for attribute in shared:
+                ends = [Goal(Var(n)) if goals else Var(n) for n in (one, two)]
+                yield from (Less(Proj(ends[0], c), Proj(ends[1], c)) for c in attribute.components)

@@ -1,0 +1,101 @@
+"""Warm start: clone a skill from the demonstrated actions of its segments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import nn
+
+from roboscribe.rl.config import CloneConfig
+from roboscribe.rl.observation import ObservationSpec
+from roboscribe.rl.skill import Layers, Skill
+from roboscribe.rl.torch_net import layers_of, mlp, single_thread
+from roboscribe.world.layout import FloatArray, IntArray, Layout
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Demonstrated frames of one skill: states (M, F), bound entities (M, n), actions (M, A) in [-1, 1]."""
+
+    states: FloatArray
+    entities: IntArray
+    actions: FloatArray
+
+    def __len__(self) -> int:
+        """M."""
+        return len(self.states)
+
+    def known(self) -> Samples:
+        """Leave out frames whose action is unknown (NaN)."""
+        rows = ~np.isnan(self.actions).any(axis=1)
+        return Samples(self.states[rows], self.entities[rows], self.actions[rows])
+
+
+def initial_skill(skill: Skill, action_size: int, hidden: tuple[int, ...], seed: int) -> Skill:
+    """Return a skill with fresh weights.
+
+    Args:
+        skill: gives name, spec and layout.
+        action_size: A.
+        hidden: units of each hidden layer.
+        seed: decides the weights.
+    """
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        return skill.with_layers(layers_of(mlp([skill.encoder.size, *hidden, action_size])))
+
+
+def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Iterator[tuple[int, Skill]]:
+    """Fit a skill's network to demonstrated actions, yielding it at several numbers of gradient steps.
+
+    The loss is the Gaussian log-likelihood of the pre-tanh action with a predicted, state-dependent variance: frames
+    on which demonstrators disagree weigh less, which a squared error cannot do. Training loss says little about the
+    success of the clone, so the caller chooses among the yielded skills by rollouts.
+
+    Args:
+        skill: gives spec, layout and sizes; its weights are not used.
+        samples: demonstrated frames.
+        config: settings.
+        seed: decides initial weights and the order of samples.
+
+    Yields:
+        Gradient steps done, and the skill then.
+    """
+    single_thread()
+    generator = torch.Generator().manual_seed(seed)
+    inputs = torch.from_numpy(skill.encoder(samples.states, samples.entities))
+    reach = float(np.tanh(config.limit))
+    targets = torch.from_numpy(np.arctanh(np.clip(samples.actions, -reach, reach)).astype(np.float32))
+    actions = targets.shape[1]
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        network = mlp([inputs.shape[1], *config.hidden, 2 * actions])
+    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
+    stops = {config.steps * (config.checkpoints + 1 + rank) // (2 * config.checkpoints) for rank in range(config.checkpoints)}
+    for step in range(1, config.steps + 1):
+        batch = torch.randint(len(inputs), (config.batch,), generator=generator)
+        loss = gaussian_loss(network(inputs[batch]), targets[batch], config.least_log_std)
+        optimizer.zero_grad()
+        torch.autograd.backward(loss)
+        nn.utils.clip_grad_norm_(network.parameters(), 10.0)
+        optimizer.step()
+        schedule.step()
+        if step in stops:
+            yield step, skill.with_layers(_mean_layers(layers_of(network), actions))
+
+
+def gaussian_loss(output: torch.Tensor, target: torch.Tensor, least_log_std: float) -> torch.Tensor:
+    """Return the mean negative log-likelihood of targets (M, A) under outputs (M, 2A): means, then log spreads."""
+    mean, log_std = output.chunk(2, dim=-1)
+    log_std = log_std.clamp(least_log_std, 2.0)
+    return (0.5 * ((target - mean) / log_std.exp()) ** 2 + log_std).sum(-1).mean()
+
+
+def _mean_layers(layers: Layers, actions: int) -> Layers:
+    """Drop the outputs for the spread."""
+    weight, bias = layers[-1]
+    return (*layers[:-1], (weight[:actions].copy(), bias[:actions].copy()))

@@ -1,0 +1,159 @@
+"""Settings of the learners. Their defaults are what docs/lab-notes.md records as measured best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+Profile: TypeAlias = Literal["actions", "states", "paper"]
+
+
+@dataclass(frozen=True)
+class CloneConfig:
+    """Cloning of segments.
+
+    Args:
+        steps: gradient steps.
+        checkpoints: how many evenly spaced weights of the second half are tried by rollouts.
+        batch: samples per step.
+        learning_rate: Adam's, falling to zero along a cosine.
+        hidden: units of each hidden layer.
+        limit: pre-tanh actions are clipped to ± this.
+        least_log_std: lower clip of the predicted log standard deviation, pre-tanh.
+        extra_frames: frames taken beyond the one on which φ is first true.
+    """
+
+    steps: int = 1500
+    checkpoints: int = 3
+    batch: int = 256
+    learning_rate: float = 1e-3
+    hidden: tuple[int, ...] = (128, 128)
+    limit: float = 2.5
+    least_log_std: float = -3.0
+    extra_frames: int = 3
+
+
+@dataclass(frozen=True)
+class InverseConfig:
+    """Inverse dynamics for demonstrations without actions.
+
+    Args:
+        tries: random actions tried from each demonstrated state.
+        steps: gradient steps.
+        batch: samples per step.
+        learning_rate: Adam's, falling to zero along a cosine.
+        hidden: units of each hidden layer.
+    """
+
+    tries: int = 8
+    steps: int = 3000
+    batch: int = 256
+    learning_rate: float = 1e-3
+    hidden: tuple[int, ...] = (128, 128)
+
+
+@dataclass(frozen=True)
+class PpoConfig:
+    """PPO from a warm start.
+
+    Args:
+        worlds: rows stepped at once.
+        steps: control steps of each row per iteration.
+        epochs: passes over an iteration's data.
+        minibatches: updates per pass.
+        actor_rate: Adam's step for the actor.
+        critic_rate: Adam's step for the critic.
+        clip: PPO's ratio clip.
+        gamma: discount per control step.
+        lam: of generalised advantage estimation.
+        noise: standard deviation of exploration, pre-tanh, fixed.
+        critic_iterations: iterations before the actor may move.
+        evaluate_every: iterations between evaluations.
+        patience: evaluations without a new best after which training stops.
+    """
+
+    worlds: int = 64
+    steps: int = 50
+    epochs: int = 5
+    minibatches: int = 4
+    actor_rate: float = 1e-4
+    critic_rate: float = 1e-3
+    clip: float = 0.15
+    gamma: float = 0.97
+    lam: float = 0.95
+    noise: float = 0.2
+    critic_iterations: int = 5
+    evaluate_every: int = 3
+    patience: int = 1000
+
+
+@dataclass(frozen=True)
+class SacConfig:
+    """SAC as the paper's artifact ran it, with fewer updates per control step so that it is affordable here.
+
+    Args:
+        worlds: rows stepped at once.
+        updates: gradient updates per round of one control step in every row.
+        batch: transitions per update.
+        learning_starts: control steps before the first update.
+        buffer: transitions kept.
+        gamma: discount per control step.
+        learning_rate: of actor, critics and temperature.
+        tau: share by which target critics follow.
+        hidden: units of each hidden layer.
+        evaluate_every: rounds between evaluations.
+    """
+
+    worlds: int = 64
+    updates: int = 8
+    batch: int = 512
+    learning_starts: int = 4000
+    buffer: int = 1_000_000
+    gamma: float = 0.95
+    learning_rate: float = 1e-3
+    tau: float = 0.05
+    hidden: tuple[int, ...] = (256, 256)
+    evaluate_every: int = 200
+
+
+@dataclass(frozen=True)
+class PoolConfig:
+    """Start states of one skill.
+
+    Args:
+        starts: starts to collect for training.
+        evaluation: held-out starts for evaluation.
+        attempts: episodes run at most, per start asked for.
+        per_episode: cap per episode.
+        batch: rows stepped at once.
+    """
+
+    starts: int = 256
+    evaluation: int = 200
+    attempts: int = 3
+    per_episode: int = 4
+    batch: int = 64
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """How skills are trained.
+
+    Args:
+        profile: what may be learned from: `actions`, `states` or `paper`.
+        target: evaluated success at which a skill is good enough.
+        budget: control steps that may be spent on one skill's reinforcement learning.
+        opaque_budget: the same for an attempt on ψ_R itself.
+        confirm: consecutive steps for which a subgoal must hold.
+    """
+
+    profile: Profile = "actions"
+    target: float = 0.99
+    budget: int = 100_000
+    opaque_budget: int = 10_000
+    confirm: int = 3
+    pool: PoolConfig = field(default_factory=PoolConfig)
+    clone: CloneConfig = field(default_factory=CloneConfig)
+    inverse: InverseConfig = field(default_factory=InverseConfig)
+    ppo: PpoConfig = field(default_factory=PpoConfig)
+    sac: SacConfig = field(default_factory=SacConfig)

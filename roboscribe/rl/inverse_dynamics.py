@@ -1,0 +1,151 @@
+"""Actions for demonstrations that have none: which action leads from one state to the next? (Profile `states`.)
+
+The finger command on a grasped block leaves a trace only in contact, which random motion from initial states never
+meets. So actions are tried out where the demonstrations have been: from their stored simulator states, one step each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from roboscribe.rl.clone import gaussian_loss
+from roboscribe.rl.config import InverseConfig
+from roboscribe.rl.observation import Encoder, ObservationSpec
+from roboscribe.rl.torch_net import mlp, single_thread
+from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.world.protocols import World
+
+ALL_UNITS = ("m", "rad", "1", "m/s", "rad/s")
+"""Units of the attributes that tell which action was taken."""
+LIMIT = 2.5
+"""Pre-tanh actions are clipped to ± this."""
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """Control steps: states before and after (M, F), bound entities (M, n), actions (M, A) in [-1, 1]."""
+
+    before: FloatArray
+    after: FloatArray
+    entities: IntArray
+    actions: FloatArray
+
+    def __len__(self) -> int:
+        """M."""
+        return len(self.before)
+
+    def joined(self, other: Transitions) -> Transitions:
+        """Append other transitions."""
+        return Transitions(
+            np.concatenate([self.before, other.before]),
+            np.concatenate([self.after, other.after]),
+            np.concatenate([self.entities, other.entities]),
+            np.concatenate([self.actions, other.actions]),
+        )
+
+
+def probe(
+    world: World, snapshots: FloatArray, entities: IntArray, actions: FloatArray, steps: int = 1
+) -> Transitions:
+    """Try actions out from stored simulator states.
+
+    Args:
+        world: any world of the task; its present contents are lost.
+        snapshots: (M, S) states to start from.
+        entities: (M, n) bound there.
+        actions: (steps, M, A) in [-1, 1].
+        steps: control steps taken from each.
+
+    Returns:
+        steps x M transitions, fewer where physics diverged.
+    """
+    found = []
+    for first in range(0, len(snapshots), world.batch):
+        part = slice(first, min(first + world.batch, len(snapshots)))
+        rows = np.arange(part.stop - part.start)
+        before = world.load(rows, snapshots[part]).copy()
+        for tried in actions[:steps, part]:
+            after = world.step(rows, tried).copy()
+            sound = ~world.diverged(rows)
+            found.append(Transitions(before[sound], after[sound], entities[part][sound], tried[sound]))
+            before = after
+    joined = found[0]
+    return Transitions(
+        np.concatenate([part.before for part in found]),
+        np.concatenate([part.after for part in found]),
+        np.concatenate([part.entities for part in found]),
+        np.concatenate([part.actions for part in found]).reshape(-1, joined.actions.shape[1]),
+    )
+
+
+def random_actions(steps: int, count: int, size: int, rng: np.random.Generator) -> FloatArray:
+    """Draw actions (steps, count, size) that reach the bounds often and change slowly."""
+    noise = rng.uniform(-1.5, 1.5, (steps, count, size))
+    for step in range(1, steps):
+        keep = rng.random((count, size)) < 0.7
+        noise[step] = np.where(keep, noise[step - 1], noise[step])
+    return np.clip(noise, -1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class InverseModel:
+    """A network from a state and its change to the action in between."""
+
+    encoder: Encoder
+    change_mean: FloatArray
+    change_std: FloatArray
+    network: nn.Sequential
+
+    def inputs(self, before: FloatArray, after: FloatArray, entities: IntArray) -> torch.Tensor:
+        """Encode transitions as network inputs (M, I)."""
+        change = self.encoder.raw(after, entities) - self.encoder.raw(before, entities)
+        normal = np.clip((change - self.change_mean) / self.change_std, -10, 10)
+        return torch.from_numpy(np.concatenate([self.encoder(before, entities), normal], axis=1).astype(np.float32))
+
+    def infer(self, before: FloatArray, after: FloatArray, entities: IntArray) -> FloatArray:
+        """Return the likeliest actions (M, A) that lead from one state to the next."""
+        with torch.no_grad():
+            mean, _ = self.network(self.inputs(before, after, entities)).chunk(2, dim=-1)
+        actions: NDArray[np.float64] = np.tanh(mean.numpy().astype(np.float64))
+        return actions
+
+
+def fit_inverse(
+    spec: ObservationSpec, layout: Layout, data: Transitions, config: InverseConfig, seed: int
+) -> InverseModel:
+    """Fit the action between two states by Gaussian log-likelihood, before the tanh.
+
+    Args:
+        spec: what of the states is seen; fitted here.
+        layout: meaning of the states.
+        data: transitions with known actions.
+        config: settings.
+        seed: decides weights and the order of samples.
+    """
+    single_thread()
+    encoder = Encoder(spec.fitted(layout, data.before, data.entities), layout)
+    change = encoder.raw(data.after, data.entities) - encoder.raw(data.before, data.entities)
+    actions = data.actions.shape[1]
+    with torch.random.fork_rng():
+        torch.manual_seed(seed)
+        network = mlp([encoder.size + change.shape[1], *config.hidden, 2 * actions])
+    model = InverseModel(encoder, change.mean(axis=0), np.maximum(change.std(axis=0), 1e-6), network)
+    inputs = model.inputs(data.before, data.after, data.entities)
+    reach = float(np.tanh(LIMIT))
+    targets = torch.from_numpy(np.arctanh(np.clip(data.actions, -reach, reach)).astype(np.float32))
+    generator = torch.Generator().manual_seed(seed)
+    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
+    for _ in range(config.steps):
+        batch = torch.randint(len(inputs), (config.batch,), generator=generator)
+        loss = gaussian_loss(network(inputs[batch]), targets[batch], -3.0)
+        optimizer.zero_grad()
+        torch.autograd.backward(loss)
+        optimizer.step()
+        schedule.step()
+    return model

@@ -1,0 +1,211 @@
+"""What a controller sees: the objects among its arguments and the differences of their positions, nothing else.
+
+That is what lets a skill learned on five blocks work on nine. A spec names attributes, not columns, so it outlives
+the layout it was built on; `Encoder` binds it to one layout.
+
+Extension point: where an `until` predicate quantifies over a type none of whose entities is an argument, further
+slots (the nearest such entities, chosen per state) would be appended to the entities given to `Encoder`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roboscribe.dsl.rewrite import run_variables
+from roboscribe.dsl.syntax import Goal, Robot, Run, Var
+from roboscribe.errors import ArtifactError
+from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout
+
+DEFAULT_UNITS = ("m", "rad", "1")
+"""Units of the attributes a controller sees: positions, openings, angles; no velocities, no quaternions."""
+FINE_SCALES = (0.05, 0.01)
+"""Scales in metres of the clipped copies of small differences."""
+FINE_CLIP = 2.0
+"""Bound of a fine copy, in its scale."""
+LEAST_SPREAD = 1e-3
+"""Least standard deviation by which a feature is divided: nearly constant features must not explode."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One attribute that is seen.
+
+    Args:
+        slot: ROBOT, or the rank of the variable among the controller's distinct variables.
+        attribute: its name.
+        goal: whether it is the goal's.
+    """
+
+    slot: int
+    attribute: str
+    goal: bool = False
+
+
+@dataclass(frozen=True)
+class ObservationSpec:
+    """Which numbers a controller sees, and how they are normalised.
+
+    Args:
+        types: type of each bound entity, by slot.
+        parts: attributes seen.
+        pairs: ranks of parts whose difference is seen too.
+        fine: scales of the fine copies of those differences, m.
+        mean: of attributes and differences, in their units; empty before `fitted`.
+        std: as `mean`.
+    """
+
+    types: tuple[str, ...]
+    parts: tuple[Part, ...]
+    pairs: tuple[tuple[int, int], ...]
+    fine: tuple[float, ...] = FINE_SCALES
+    mean: tuple[float, ...] = ()
+    std: tuple[float, ...] = ()
+
+    def fitted(self, layout: Layout, states: FloatArray, entities: IntArray) -> ObservationSpec:
+        """Return the spec with mean and spread taken from states (R, F) and entities (R, n)."""
+        raw = Encoder(self, layout).raw(states, entities)
+        spread = np.maximum(raw.std(axis=0), LEAST_SPREAD)
+        return replace(self, mean=tuple(raw.mean(axis=0).tolist()), std=tuple(spread.tolist()))
+
+    def to_json(self) -> dict[str, object]:
+        """Return plain lists, numbers and strings."""
+        parts = [[part.slot, part.attribute, part.goal] for part in self.parts]
+        pairs = [list(pair) for pair in self.pairs]
+        numbers = {"fine": list(self.fine), "mean": list(self.mean), "std": list(self.std)}
+        return {"types": list(self.types), "parts": parts, "pairs": pairs, **numbers}
+
+    @staticmethod
+    def from_json(data: Mapping[str, object]) -> ObservationSpec:
+        """Read what `to_json` wrote.
+
+        Raises:
+            ArtifactError: a field is missing or of another kind.
+        """
+        try:
+            return ObservationSpec(
+                types=tuple(str(kind) for kind in _rows(data["types"])),
+                parts=tuple(_part(row) for row in _rows(data["parts"])),
+                pairs=tuple(_pair(row) for row in _rows(data["pairs"])),
+                fine=_numbers(data["fine"]),
+                mean=_numbers(data["mean"]),
+                std=_numbers(data["std"]),
+            )
+        except (KeyError, TypeError, ValueError) as error:
+            msg = f"observation spec cannot be read: {error!r}; expected types, parts, pairs, fine, mean, std"
+            raise ArtifactError(msg) from error
+
+
+def _rows(value: object) -> list[object]:
+    if not isinstance(value, list):
+        msg = f"expected a list, found {type(value).__name__}"
+        raise TypeError(msg)
+    return value
+
+
+def _part(row: object) -> Part:
+    slot, attribute, goal = _rows(row)
+    if not isinstance(slot, int) or not isinstance(attribute, str) or not isinstance(goal, bool):
+        msg = f"expected [slot, attribute, goal], found {row}"
+        raise TypeError(msg)
+    return Part(slot, attribute, goal)
+
+
+def _pair(row: object) -> tuple[int, int]:
+    left, right = _rows(row)
+    if not isinstance(left, int) or not isinstance(right, int):
+        msg = f"expected two ranks, found {row}"
+        raise TypeError(msg)
+    return left, right
+
+
+def _numbers(value: object) -> tuple[float, ...]:
+    numbers = [number for number in _rows(value) if isinstance(number, int | float)]
+    if len(numbers) != len(_rows(value)) or not np.isfinite(numbers).all():
+        msg = f"expected finite numbers, found {value}"
+        raise ValueError(msg)
+    return tuple(float(number) for number in numbers)
+
+
+def observation_spec(
+    run: Run, types: Mapping[str, str], layout: Layout, units: Sequence[str] = DEFAULT_UNITS
+) -> ObservationSpec:
+    """Build the spec of a controller from its arguments; `fitted` completes it.
+
+    Args:
+        run: its arguments are μ, variables and goals of variables.
+        types: type of each variable.
+        layout: declares the attributes.
+        units: attributes of other units are not seen.
+
+    Returns:
+        Attributes in order of the arguments, and the difference of every two positions (unit m) named alike.
+    """
+    names = run_variables(run)
+    seen: list[tuple[Part, Attribute]] = []
+    for arg in run.args:
+        slot = ROBOT if isinstance(arg, Robot) else names.index(arg.name if isinstance(arg, Var) else arg.of.name)
+        kind = layout.robot if isinstance(arg, Robot) else layout.types[types[names[slot]]]
+        goal = isinstance(arg, Goal)
+        seen += [(Part(slot, a.name, goal), a) for a in kind.described(goal) if a.unit in units]
+    alike = [
+        (i, j) for (i, (_, a)), (j, (_, b)) in combinations(enumerate(seen), 2) if a.name == b.name and a.unit == "m"
+    ]
+    return ObservationSpec(tuple(types[name] for name in names), tuple(part for part, _ in seen), tuple(alike))
+
+
+@dataclass(frozen=True, eq=False)
+class Encoder:
+    """A spec bound to one layout: turns states and entities into network inputs."""
+
+    spec: ObservationSpec
+    layout: Layout
+
+    @cached_property
+    def columns(self) -> tuple[tuple[int, IntArray], ...]:
+        """Slot of each part, and its columns for every entity, (N, w); for the robot (1, w)."""
+        found = []
+        for part in self.spec.parts:
+            if part.slot == ROBOT:
+                place = self.layout.columns[ROBOT, part.attribute, part.goal]
+                found.append((ROBOT, np.arange(place.start, place.stop)[None]))
+            else:
+                kind = self.layout.types[self.spec.types[part.slot]]
+                width = next(a.width for a in kind.described(part.goal) if a.name == part.attribute)
+                starts = self.layout.starts(part.attribute, part.goal)
+                found.append((part.slot, starts[:, None] + np.arange(width)))
+        return tuple(found)
+
+    @cached_property
+    def size(self) -> int:
+        """Count of network inputs."""
+        widths = [table.shape[1] for _, table in self.columns]
+        differences = sum(widths[i] for i, _ in self.spec.pairs)
+        return sum(widths) + differences * (1 + len(self.spec.fine))
+
+    def _split(self, states: FloatArray, entities: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Gather attributes (R, W) and differences (R, D)."""
+        rows = np.arange(len(states))[:, None]
+        at = [table if slot == ROBOT else table[entities[:, slot]] for slot, table in self.columns]
+        values = [states[rows, columns] for columns in at]
+        differences = [values[i] - values[j] for i, j in self.spec.pairs]
+        none = np.zeros((len(states), 0))
+        return np.concatenate([none, *values], axis=1), np.concatenate([none, *differences], axis=1)
+
+    def raw(self, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Return attributes and differences (R, W + D) in their units."""
+        return np.concatenate(self._split(states, entities), axis=1)
+
+    def __call__(self, states: FloatArray, entities: IntArray) -> NDArray[np.float32]:
+        """Encode states (R, F) with bound entities (R, n) as network inputs (R, size)."""
+        values, differences = self._split(states, entities)
+        raw = np.concatenate([values, differences], axis=1)
+        normal = (raw - np.asarray(self.spec.mean)) / np.asarray(self.spec.std)
+        fine = [np.clip(differences / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
+        inputs: NDArray[np.float32] = np.concatenate([np.clip(normal, -10, 10), *fine], axis=1).astype(np.float32)
+        return inputs

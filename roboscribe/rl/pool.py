@@ -1,0 +1,58 @@
+"""Start states of a skill: simulator states in which its predecessor has just been reached by the program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from roboscribe.world.layout import FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class StartPool:
+    """Snapshots a skill may start from.
+
+    Args:
+        snapshots: (P, S) as `World.save` gives them.
+        states: (P, F) what is observed there.
+        entities: (P, n) bound to the controller's variables.
+        elapsed: (P,) control steps of the episode already spent.
+        episode: (P,) rank of the episode each came from, ascending.
+    """
+
+    snapshots: FloatArray
+    states: FloatArray
+    entities: IntArray
+    elapsed: IntArray
+    episode: IntArray
+
+    def __len__(self) -> int:
+        """P."""
+        return len(self.snapshots)
+
+    def take(self, rows: IntArray) -> StartPool:
+        """Return the starts at `rows`."""
+        return StartPool(self.snapshots[rows], self.states[rows], self.entities[rows], self.elapsed[rows], self.episode[rows])
+
+    def capped(self, per_episode: int) -> StartPool:
+        """Keep the first `per_episode` starts of each episode, so that rows that keep failing do not fill the pool."""
+        first = np.searchsorted(self.episode, self.episode)
+        return self.take(np.flatnonzero(np.arange(len(self)) - first < per_episode))
+
+    def split(self, episodes: int) -> tuple[StartPool, StartPool]:
+        """Hold out the starts of the first `episodes` episodes that have any; returns (held out, rest)."""
+        present = np.unique(self.episode)
+        held = np.isin(self.episode, present[:episodes])
+        return self.take(np.flatnonzero(held)), self.take(np.flatnonzero(~held))
+
+    def joined(self, other: StartPool) -> StartPool:
+        """Append another pool, whose episodes are counted on from this one's."""
+        shift = int(self.episode[-1]) + 1 if len(self) else 0
+        return StartPool(
+            np.concatenate([self.snapshots, other.snapshots]),
+            np.concatenate([self.states, other.states]),
+            np.concatenate([self.entities, other.entities]),
+            np.concatenate([self.elapsed, other.elapsed]),
+            np.concatenate([self.episode, other.episode + shift]),
+        )

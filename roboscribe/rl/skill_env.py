@@ -1,0 +1,168 @@
+"""One skill as an ordinary vectorised environment, and its evaluation on fixed starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from roboscribe.rl.checkpoint import Arrays
+from roboscribe.rl.pool import StartPool
+from roboscribe.rl.subtask import Subtask
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.protocols import World
+
+
+class Controller(Protocol):
+    """Anything that turns states and bound entities into actions."""
+
+    def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Return actions (R, A) for states (R, F) and bound entities (R, n)."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """Outcome of one control step of every row; `final` are the states before rows that ended were reset."""
+
+    reward: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
+    succeeded: BoolArray
+    final: FloatArray
+    final_entities: IntArray
+
+
+class Progress:
+    """Counts steps and consecutive achievements of rows, and says when each row's attempt is over."""
+
+    def __init__(self, subtask: Subtask, batch: int) -> None:
+        """Count for `batch` rows."""
+        self.subtask = subtask
+        self.steps = np.zeros(batch, np.int64)
+        self.streak = np.zeros(batch, np.int64)
+        self.limit = np.zeros(batch, np.int64)
+
+    def begin(self, rows: IntArray, states: FloatArray, start: StartPool) -> None:
+        """Start attempts; what is left of the episode bounds them as the subtask's limit does."""
+        self.steps[rows] = 0
+        self.limit[rows] = np.maximum(1, np.minimum(self.subtask.limit, self.subtask.task.horizon - start.elapsed))
+        self.streak[rows] = self.subtask.achieved(states, start.entities)
+
+    def advance(self, rows: IntArray, states: FloatArray, entities: IntArray) -> tuple[BoolArray, BoolArray]:
+        """Count one step of `rows`; returns which succeeded and which ran out of steps without."""
+        achieved = self.subtask.achieved(states, entities)
+        self.steps[rows] += 1
+        self.streak[rows] = np.where(achieved, self.streak[rows] + 1, 0)
+        succeeded = self.streak[rows] >= self.subtask.needed
+        return succeeded, ~succeeded & (self.steps[rows] >= self.limit[rows])
+
+
+class SkillEnv:
+    """B attempts at a subtask in parallel, each reset from the pool on its own as it ends.
+
+    The step reward is (1 − γ)(R_φ + 1 while φ), so that returns stay within a few units. An attempt that succeeds is
+    paid as if φ went on to hold for ever (1), because otherwise leaving and re-entering φ would earn more than
+    finishing; one that diverges is charged as much.
+    """
+
+    def __init__(self, subtask: Subtask, pool: StartPool, batch: int, gamma: float, rng: np.random.Generator) -> None:
+        """Build a world of `batch` rows; `restart` must be called before `step`."""
+        self.subtask, self.pool, self.batch, self.gamma, self.rng = subtask, pool, batch, gamma, rng
+        self.world: World = subtask.task.world(batch)
+        self.rows = np.arange(batch)
+        self.progress = Progress(subtask, batch)
+        self.states = np.zeros((batch, subtask.task.layout.size))
+        self.entities = np.full((batch, pool.entities.shape[1]), -1, np.int64)
+
+    def restart(self) -> None:
+        """Start every row afresh."""
+        self._begin(self.rows)
+
+    def _begin(self, rows: IntArray) -> None:
+        start = self.pool.take(self.rng.integers(len(self.pool), size=len(rows)))
+        self.states[rows] = self.world.load(rows, start.snapshots)
+        self.entities[rows] = start.entities
+        self.progress.begin(rows, self.states[rows], start)
+
+    def step(self, actions: FloatArray) -> Step:
+        """Apply actions (B, A) and reset the rows that ended."""
+        states = self.world.step(self.rows, actions).copy()
+        entities = self.entities.copy()
+        succeeded, truncated = self.progress.advance(self.rows, states, entities)
+        diverged = self.world.diverged(self.rows)
+        succeeded, truncated = succeeded & ~diverged, truncated & ~diverged
+        payment = (1 - self.gamma) * self.subtask.shaped(states, entities) + succeeded - 1.0 * diverged
+        self.states[:] = states
+        ended = np.flatnonzero(succeeded | truncated | diverged)
+        if len(ended):
+            self._begin(ended)
+        return Step(payment, succeeded | diverged, truncated, succeeded, states, entities)
+
+    def save(self) -> tuple[Arrays, Mapping[str, object]]:
+        """Return all that decides the future: arrays, and the state of the random generator as JSON values."""
+        arrays: Arrays = {"snapshots": self.world.save(self.rows), "states": self.states, "entities": self.entities}
+        arrays |= {"steps": self.progress.steps, "streak": self.progress.streak, "limit": self.progress.limit}
+        return {name: array.copy() for name, array in arrays.items()}, self.rng.bit_generator.state
+
+    def restore(self, arrays: Mapping[str, NDArray[np.generic]], generator: Mapping[str, object]) -> None:
+        """Return to what `save` gave."""
+        self.world.load(self.rows, np.asarray(arrays["snapshots"], np.float64))
+        self.states[:] = arrays["states"]
+        self.entities[:] = arrays["entities"]
+        for name in ("steps", "streak", "limit"):
+            getattr(self.progress, name)[:] = arrays[name]
+        self.rng.bit_generator.state = dict(generator)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Outcome of one attempt from each start: success (P,), last states (P, F), control steps spent."""
+
+    success: BoolArray
+    final: FloatArray
+    control_steps: int
+
+    @property
+    def rate(self) -> float:
+        """Share of attempts that succeeded; 0 where there were none."""
+        return float(self.success.mean()) if len(self.success) else 0.0
+
+
+def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, world: World) -> Evaluation:
+    """Attempt the subtask once from every start of the pool, with a deterministic controller.
+
+    Args:
+        subtask: what to reach.
+        pool: fixed starts, (P).
+        controller: acts on rows independently.
+        world: any world of the task; its present contents are lost.
+
+    Returns:
+        Success by start. A diverged attempt fails.
+    """
+    before = world.control_steps
+    progress = Progress(subtask, len(pool))
+    success = np.zeros(len(pool), np.bool_)
+    final = np.zeros((len(pool), subtask.task.layout.size))
+    running = np.full(world.batch, -1, np.int64)
+    waiting = 0
+    while True:
+        free = np.flatnonzero(running < 0)[: len(pool) - waiting]
+        if len(free):
+            running[free] = np.arange(waiting, waiting + len(free))
+            waiting += len(free)
+            start = pool.take(running[free])
+            final[running[free]] = world.load(free, start.snapshots)
+            progress.begin(running[free], final[running[free]], start)
+        rows = np.flatnonzero(running >= 0)
+        if not len(rows):
+            return Evaluation(success, final, world.control_steps - before)
+        ranks = running[rows]
+        final[ranks] = world.step(rows, controller.act(final[ranks], pool.entities[ranks]))
+        reached, late = progress.advance(ranks, final[ranks], pool.entities[ranks])
+        diverged = world.diverged(rows)
+        success[ranks] = reached & ~diverged
+        running[rows[reached | late | diverged]] = -1

@@ -1,0 +1,70 @@
+"""What one skill is asked to do: reach φ from its start states within a step limit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from roboscribe.dsl.semantics import Binding, holds
+from roboscribe.dsl.syntax import Predicate, Solved
+from roboscribe.reward import reward
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.protocols import Task
+
+
+@dataclass(frozen=True)
+class Subtask:
+    """An ordinary goal-reaching problem cut out of a program: one π_φ until φ.
+
+    Args:
+        task: where it is to be done.
+        until: φ.
+        variables: names of the entities a start state binds, in order.
+        limit: control steps allowed.
+        confirm: consecutive steps for which φ must hold.
+        maintain: the last skill of a program is to bring ψ_R about, so reaching φ does not end it; ψ_R does.
+        scales: unit of each atom's margin, by the text of its left term.
+    """
+
+    task: Task
+    until: Predicate
+    variables: tuple[str, ...]
+    limit: int
+    confirm: int = 3
+    maintain: bool = False
+    scales: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def opaque(self) -> bool:
+        """Whether φ is ψ_R itself."""
+        return isinstance(self.until, Solved)
+
+    @property
+    def needed(self) -> int:
+        """Consecutive steps on which `achieved` must be true: ψ_R counts at once."""
+        return 1 if self.opaque or self.maintain else self.confirm
+
+    def binding(self, entities: IntArray) -> Binding:
+        """Bind the variables to the columns of entities (R, n)."""
+        return {name: entities[:, rank] for rank, name in enumerate(self.variables)}
+
+    def holds(self, states: FloatArray, entities: IntArray) -> BoolArray:
+        """Evaluate φ on states (R, F) with bound entities (R, n); returns (R,)."""
+        found = holds(self.until, states, self.binding(entities), self.task.layout, self.task.solved)
+        return np.broadcast_to(found, states.shape[:1])
+
+    def achieved(self, states: FloatArray, entities: IntArray) -> BoolArray:
+        """Evaluate what the skill is measured by: φ, or ψ_R for the last skill of a program; returns (R,)."""
+        return self.task.solved(states) if self.maintain else self.holds(states, entities)
+
+    def shaped(self, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Return R_φ and +1 while φ holds, (R,).
+
+        Source: Sec. 4.3.3 with the bonus of the authors' implementation.
+        """
+        margin = reward(
+            self.until, states, self.binding(entities), self.task.layout, self.scales, solved=self.task.solved
+        )
+        return margin + self.holds(states, entities)

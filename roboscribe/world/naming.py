@@ -1,0 +1,70 @@
+"""Names for exchangeable entities, so that one name plays one role in every episode.
+
+Entities of one type are exchangeable: block 3 of one demonstration may play the part of block 1 in another. Before
+learning, demonstrations name them in the order in which they are first displaced, and rollouts in the order in which
+the program binds them; untouched ones come last, in their own order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.world.trajectory import Trajectory
+
+_POSE_UNITS = ("m", "rad")
+_MOVED = 0.1  # share of an episode's largest displacement that counts as "displaced"
+
+
+def by_displacement(trajectory: Trajectory) -> tuple[int, ...]:
+    """Order entities of each type by the step at which they first move; `order[i]` will be called `i`."""
+    moved = first_displacements(trajectory)
+    return _ordered(trajectory.layout, sorted(range(len(moved)), key=lambda i: (moved[i], i)))
+
+
+def by_binding(layout: Layout, bound: Sequence[int]) -> tuple[int, ...]:
+    """Order entities of each type by the order in which a program bound them; `order[i]` will be called `i`."""
+    rank = {entity: place for place, entity in reversed(list(enumerate(bound)))}
+    entities = range(len(layout.entities))
+    return _ordered(layout, sorted(entities, key=lambda i: (rank.get(i, len(bound)), i)))
+
+
+def first_displacements(trajectory: Trajectory) -> IntArray:
+    """Step at which each entity first leaves its place, shape (N,); the episode's length where it never does.
+
+    An entity counts as displaced once one of its lengths or angles has changed by a tenth of the largest change
+    that any entity of its type shows in that attribute. Only what a controller moves counts, so a goal never does.
+    """
+    layout = trajectory.layout
+    first = np.full(len(layout.entities), len(trajectory), dtype=np.int64)
+    for kind in layout.types.values():
+        members = layout.of_type(kind.name)
+        for attribute in (a for a in kind.attributes if a.unit in _POSE_UNITS):
+            change = np.stack([_change(trajectory.states, layout, i, attribute.name) for i in members])
+            largest = change.max()
+            if largest > 0.0 and _worth_noticing(attribute.unit, float(largest)):
+                moved = change > _MOVED * largest
+                step = np.where(moved.any(axis=1), moved.argmax(axis=1), len(trajectory))
+                first[list(members)] = np.minimum(first[list(members)], step)
+    return first
+
+
+def _worth_noticing(unit: str, change: float) -> bool:
+    return change > (0.01 if unit == "m" else 0.5)
+
+
+def _change(states: FloatArray, layout: Layout, entity: int, attribute: str) -> FloatArray:
+    values = states[:, layout.columns[entity, attribute, False]]
+    return np.asarray(np.linalg.norm(values - values[0], axis=1), dtype=np.float64)
+
+
+def _ordered(layout: Layout, ranking: Sequence[int]) -> tuple[int, ...]:
+    """Put a ranking of all entities into the places that each type has."""
+    order = list(range(len(layout.entities)))
+    for kind in layout.types:
+        members = layout.of_type(kind)
+        for place, entity in zip(members, (i for i in ranking if i in members), strict=True):
+            order[place] = entity
+    return tuple(order)

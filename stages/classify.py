@@ -1,0 +1,51 @@
+"""LEARNCLASSIFIER: compare demonstrations with failing rollouts to find a subgoal."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from roboscribe.classifier import learn_classifier
+from roboscribe.errors import Fail
+from stages import alone
+from stages.progress import Report, silent
+from stages.store import Inputs, Stage
+from stages.values import REFINEMENT, read_failures, read_tree, refinement_to_json, write_fail, write_json
+from stages.world import TaskConfig, load_evidence
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which comparison.
+
+    Args:
+        task: what the demonstrations show.
+        goal: name of the goal that was not reached.
+    """
+
+    task: TaskConfig
+    goal: str
+
+
+def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+    """Write `refinement.json` with the ranked table, or why nothing separates.
+
+    Inputs:
+        demonstrations: a Parquet file.
+        tree: the subtask tree.
+        failures: N_s.
+    """
+    evidence = load_evidence(inputs["demonstrations"], config.task)
+    failures = read_failures(inputs["failures"])
+    refinement = learn_classifier(failures, evidence, read_tree(inputs["tree"]), config.goal)
+    if isinstance(refinement, Fail):
+        write_fail(out, refinement)
+    else:
+        write_json(out / REFINEMENT, refinement_to_json(refinement))
+
+
+STAGE = Stage("classify", Config, run)
+
+if __name__ == "__main__":
+    sys.exit(alone.main(STAGE))

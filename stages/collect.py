@@ -1,0 +1,51 @@
+"""Collect noisy scripted demonstrations into a Parquet file."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from roboscribe.io.demonstrations import write_demonstrations
+from stages import alone
+from stages.progress import Progress, Report, silent
+from stages.store import Inputs, Stage
+from stages.world import DEMONSTRATIONS, TaskConfig
+
+
+@dataclass(frozen=True)
+class Config:
+    """What to collect.
+
+    Args:
+        task: what is shown.
+        episodes: how many successful demonstrations.
+        seed: decides everything.
+    """
+
+    task: TaskConfig
+    episodes: int = 50
+    seed: int = 0
+
+
+def collect(config: Config, path: Path, report: Report = silent) -> str:
+    """Write demonstrations to a file; returns its SHA-256."""
+    task = config.task.make()
+    report(Progress("demonstrations", 0, config.episodes, "episodes"))
+    shown = task.demonstrate(config.episodes, config.seed)
+    report(Progress("demonstrations", len(shown), config.episodes, "episodes"))
+    generator = f"roboscribe demonstrator of {task.name}, contact {config.task.contact}, timing {config.task.timing}"
+    return write_demonstrations(
+        path, task.name, task.layout, task.frequency, shown, generator=generator, seed=config.seed
+    )
+
+
+def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+    """Write `demonstrations.parquet`; there are no inputs."""
+    collect(config, out / DEMONSTRATIONS, report)
+
+
+STAGE = Stage("collect", Config, run)
+
+if __name__ == "__main__":
+    sys.exit(alone.main(STAGE))

@@ -1,0 +1,86 @@
+"""Evaluate a finished program on episodes of its own, with a confidence interval."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from math import sqrt
+from pathlib import Path
+
+from roboscribe.io.atomic import Json
+from roboscribe.world.protocols import Task
+from stages import alone
+from stages.progress import Report, silent
+from stages.roll_out import Grounded, episode_table, summary, waves
+from stages.skills import read_library
+from stages.store import Inputs, Stage
+from stages.values import EPISODES, OUTCOME, read_json, read_program, write_json
+from stages.world import TaskConfig, episode_seeds
+
+Z95 = 1.959963984540054
+"""Standard normal quantile of a two-sided 95 % interval."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which evaluation.
+
+    Args:
+        task: where.
+        seed: decides the episodes.
+        episodes: how many.
+        confirm: consecutive steps for which a subgoal must hold to count as reached.
+    """
+
+    task: TaskConfig
+    seed: int = 0
+    episodes: int = 500
+    confirm: int = 3
+
+
+def wilson(successes: int, episodes: int, z: float = Z95) -> tuple[float, float]:
+    """Return the Wilson score interval of a success rate; (0, 1) without episodes."""
+    if episodes == 0:
+        return 0.0, 1.0
+    rate, share = successes / episodes, z * z / episodes
+    centre = (rate + share / 2) / (1 + share)
+    half = z * sqrt(rate * (1 - rate) / episodes + share / (4 * episodes)) / (1 + share)
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def measure(
+    grounded: Grounded, task: Task, seed: int, episodes: int, report: Report = silent
+) -> tuple[dict[str, Json], dict[str, Json]]:
+    """Run a program on the evaluation episodes of a seed.
+
+    Returns:
+        Figures (success, its interval, counts) and the table of episodes.
+    """
+    seeds = episode_seeds(seed, "evaluate", episodes)
+    done = list(waves(grounded, task, seeds, report=report))
+    counts = summary(done)
+    won = sum(int(rollouts.success.sum()) for rollouts in done)
+    low, high = wilson(won, episodes)
+    figures: dict[str, Json] = {**counts, "success": won / episodes, "ci_low": round(low, 6), "ci_high": round(high, 6)}
+    return figures, episode_table(done, seeds)
+
+
+def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+    """Write `outcome.json` and `episodes.json`.
+
+    Inputs:
+        program: its text.
+        controllers, weights, limits: its library, as the training stage wrote it.
+    """
+    task = config.task.make()
+    library = read_library(inputs["controllers"], inputs["weights"], task)
+    grounded = Grounded(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    figures, table = measure(grounded, task, config.seed, config.episodes, report)
+    write_json(out / EPISODES, table)
+    write_json(out / OUTCOME, figures)
+
+
+STAGE = Stage("evaluate", Config, run)
+
+if __name__ == "__main__":
+    sys.exit(alone.main(STAGE))

@@ -1,0 +1,88 @@
+"""What happens during a synthesis, as told to the console and to the tracker."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from roboscribe.classifier import Refinement
+from roboscribe.dsl.syntax import Program
+from roboscribe.subtask_tree import Tree
+
+
+@dataclass(frozen=True)
+class Ingested:
+    """Demonstrations were checked; `report` says how many are kept and why others are not."""
+
+    report: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Programmed:
+    """A tree became a program for a goal."""
+
+    goal: str
+    program: Program
+
+
+@dataclass(frozen=True)
+class Trained:
+    """A program was grounded; `reports` has one entry per new skill, `metrics` is the stage's journal."""
+
+    goal: str
+    reports: tuple[Mapping[str, Any], ...]
+    metrics: Path
+
+
+@dataclass(frozen=True)
+class RolledOut:
+    """A grounded program was tried; `counts` and `table` are figures and episodes."""
+
+    goal: str
+    counts: Mapping[str, Any]
+    table: Path
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A comparison of demonstrations and failures gave a subgoal."""
+
+    refinement: Refinement
+    table: Path
+
+
+@dataclass(frozen=True)
+class Grown:
+    """The subgoal stands in the tree."""
+
+    tree: Tree
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The final program was evaluated."""
+
+    figures: Mapping[str, Any]
+    table: Path
+
+
+@dataclass(frozen=True)
+class Packaged:
+    """The final program lies in a directory of its own."""
+
+    program: Program
+    tree: Tree
+    directory: Path
+
+
+@dataclass(frozen=True)
+class Failed:
+    """There is no program, and this is why."""
+
+    reason: str
+
+
+Event: TypeAlias = Ingested | Programmed | Trained | RolledOut | Refined | Grown | Evaluated | Packaged | Failed
+Listener: TypeAlias = Callable[[Event], None]

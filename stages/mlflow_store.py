@@ -1,0 +1,354 @@
+"""Tracking, the copying side: brings an MLflow store up to date with the journals of runs.
+
+Run as a process of its own (`python -m stages.mlflow_store RUN_DIRECTORY MLRUNS`), it follows one journal until its
+standard input ends, which is when the run ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import select
+import sys
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
+from stages.journal import Record, read_records
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
+os.environ["DO_NOT_TRACK"] = "true"
+os.environ["MLFLOW_ALLOW_PICKLE_DESERIALIZATION"] = "false"
+os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+
+JOURNAL, STATE = "journal.jsonl", "tracking.json"
+"""In a run's directory: what is to be copied, and how far it is copied under which ids."""
+PARENT = ""
+"""Name of the run that is the whole synthesis."""
+DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
+ID_TAG = "roboscribe.id"
+"""Tag by which a run is found again when its id was not written down."""
+ENDED = ("FINISHED", "FAILED", "KILLED")
+PERIOD = 3.0
+"""Seconds between looks at the journal."""
+PATIENCE = 45.0
+"""Seconds for which a store that cannot be reached is tried again after the run's end."""
+BATCH = 1000
+log = logging.getLogger(__name__)
+
+
+def database_uri(mlruns: Path) -> str:
+    """Return the address of the store in a directory."""
+    return f"sqlite:///{(mlruns / DATABASE).resolve()}"
+
+
+def ensure_store(mlruns: Path) -> None:
+    """Create the database, once, whoever comes first; it appears whole or not at all."""
+    mlruns.mkdir(parents=True, exist_ok=True)
+    with _locked(mlruns):
+        if (mlruns / DATABASE).exists():
+            return
+        from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+
+        with tempfile.TemporaryDirectory(dir=mlruns, prefix=".new-") as scratch:
+            fresh = Path(scratch) / DATABASE
+            root = (mlruns / ARTIFACTS).resolve()
+            store: Any = SqlAlchemyStore  # not typed
+            store(f"sqlite:///{fresh.resolve()}", root.as_uri()).engine.dispose()
+            root.mkdir(exist_ok=True)
+            os.replace(fresh, mlruns / DATABASE)
+
+
+def store_identity(mlruns: Path) -> list[int]:
+    """Tell one database file from another at the same place; empty where there is none."""
+    try:
+        status = (mlruns / DATABASE).stat()
+    except FileNotFoundError:
+        return []
+    return [status.st_dev, status.st_ino]
+
+
+@dataclass
+class Copier:
+    """Copies one journal into one store.
+
+    Args:
+        directory: of the run.
+        mlruns: of the store.
+        client: open on the store.
+    """
+
+    directory: Path
+    mlruns: Path
+    client: MlflowClient
+    _runs: dict[str, str] = field(default_factory=dict)
+    _experiment: str = ""
+    _offset: int = 0
+
+    def __post_init__(self) -> None:
+        """Go on where the last copier stopped, or from the start where the store is another one."""
+        state = _state(self.directory)
+        if state.get("store") == store_identity(self.mlruns):
+            self._runs, self._offset = dict(state["runs"]), int(state["offset"])
+
+    def copy(self) -> None:
+        """Copy what is new.
+
+        Raises:
+            MlflowException, SQLAlchemyError, OSError: the store cannot be reached; nothing is lost.
+        """
+        found = list(read_records(self.directory / JOURNAL, self._offset))
+        if found:
+            self._experiment = self._experiment or self._find_experiment()
+            self._apply([record for _, record in found])
+            self._offset = found[-1][0]
+            place: list[Json] = list(store_identity(self.mlruns))
+            state: Json = {"store": place, "runs": dict(self._runs), "offset": self._offset}
+            write_file(self.directory / STATE, indented_json(state).encode())
+
+    def mark_killed(self) -> None:
+        """Mark the run as killed where its last word is that it runs."""
+        own = (record for _, record in read_records(self.directory / JOURNAL) if record["run"] == PARENT)
+        statuses = _of("status", own)
+        if statuses and statuses[-1]["value"] not in ENDED and PARENT in self._runs:
+            for run_id in self._runs.values():
+                if self.client.get_run(run_id).info.status not in ENDED:
+                    self.client.set_terminated(run_id, "KILLED")
+
+    def _apply(self, records: Sequence[Record]) -> None:
+        """Write records to the store; doing so twice changes nothing."""
+        by_run: dict[str, list[Record]] = {}
+        for record in records:
+            by_run.setdefault(str(record["run"]), []).append(record)
+        for name, own in by_run.items():
+            run_id = self._run(name, own)
+            self._scalars(run_id, own)
+            for record in own:
+                self._file(run_id, record)
+        for name, own in by_run.items():
+            for record in (r for r in own if r["kind"] == "status"):
+                self._status(name, str(record["value"]), _whole(record["time"]))
+
+    def _run(self, name: str, own: Sequence[Record]) -> str:
+        """Find or create the run of a name; children know their parent."""
+        if name not in self._runs:
+            identity = f"{self.directory.name}/{name}"
+            query = f"tags.`{ID_TAG}` = '{identity}'"
+            known = self.client.search_runs([self._experiment], query, max_results=1)
+            self._runs[name] = known[0].info.run_id if known else self._create(name, identity, own)
+        return self._runs[name]
+
+    def _create(self, name: str, identity: str, own: Sequence[Record]) -> str:
+        tags = {ID_TAG: identity}
+        if name != PARENT:
+            tags["mlflow.parentRunId"] = self._run(PARENT, ())
+        start = min((_whole(record["time"]) for record in own), default=None)
+        title = name or self._opening("title")
+        return str(self.client.create_run(self._experiment, start_time=start, tags=tags, run_name=title).info.run_id)
+
+    def _scalars(self, run_id: str, own: Sequence[Record]) -> None:
+        """Write metrics, parameters and tags in batches."""
+        from mlflow.entities import Metric, Param, RunTag
+
+        points = _of("metric", own)
+        metrics = [Metric(_key(r), float(str(r["value"])), _whole(r["time"]), _whole(r["step"])) for r in points]
+        params = [Param(_key(r), str(r["value"])) for r in _of("param", own)]
+        tags = [RunTag(_key(r), str(r["value"])) for r in _of("tag", own)]
+        for start in range(0, max(len(metrics), 1), BATCH):
+            self.client.log_batch(run_id, metrics=metrics[start : start + BATCH])
+        for start in range(0, len(params), 100):
+            self.client.log_batch(run_id, params=params[start : start + 100])
+        self.client.log_batch(run_id, tags=tags)
+
+    def _file(self, run_id: str, record: Record) -> None:
+        """Copy a file, draw a picture, or register an input."""
+        path, kind = Path(str(record["value"])), record["kind"]
+        if kind in ("artifact", "artifacts", "table", "picture") and not path.exists():
+            log.warning("%s is gone; it is not copied", path)
+            return
+        match kind:
+            case "artifact":
+                self.client.log_artifact(run_id, str(path), str(record.get("folder") or "") or None)
+            case "artifacts":
+                self.client.log_artifacts(run_id, str(path), str(record["key"]))
+            case "table":
+                self._table(run_id, path)
+            case "picture":
+                self._picture(run_id, path)
+            case "input":
+                self._input(run_id, str(record["value"]))
+
+    def _table(self, run_id: str, path: Path) -> None:
+        """Copy a table so that MLflow's interface shows it as one."""
+        tag = "mlflow.loggedArtifacts"
+        self.client.log_artifact(run_id, str(path))
+        listed = self.client.get_run(run_id).data.tags.get(tag, "[]")
+        entry = f'{{"path": "{path.name}", "type": "table"}}'
+        if entry not in listed:
+            self.client.set_tag(run_id, tag, f"{listed[:-1]}{', ' if len(listed) > 2 else ''}{entry}]")
+
+    def _picture(self, run_id: str, path: Path) -> None:
+        from stages.tree_picture import draw_tree
+        from stages.values import read_tree
+
+        with tempfile.TemporaryDirectory() as scratch:
+            picture = Path(scratch) / "tree.png"
+            draw_tree(read_tree(path), picture)
+            self.client.log_artifact(run_id, str(picture))
+
+    def _input(self, run_id: str, digest: str) -> None:
+        from mlflow.entities import Dataset, DatasetInput, InputTag
+
+        dataset = Dataset(name="demonstrations", digest=digest[:36], source_type="local", source=digest)
+        self.client.log_inputs(run_id, [DatasetInput(dataset, [InputTag("mlflow.data.context", "training")])])
+
+    def _status(self, name: str, value: str, when: int) -> None:
+        """Set how a run stands; the end of the parent ends its children."""
+        if value not in ENDED:
+            self.client.update_run(self._runs[name], status=value)
+            return
+        self.client.set_terminated(self._runs[name], value, end_time=when)
+        for child, run_id in self._runs.items() if name == PARENT else ():
+            if child != PARENT and self.client.get_run(run_id).info.status not in ENDED:
+                self.client.set_terminated(run_id, value, end_time=when)
+
+    def _find_experiment(self) -> str:
+        """Find or create the experiment, once, whoever comes first."""
+        name = self._opening("experiment")
+        with _locked(self.mlruns):
+            found = self.client.get_experiment_by_name(name)
+            if found is not None:
+                return str(found.experiment_id)
+            place = (self.mlruns / ARTIFACTS).resolve().as_uri()
+            return str(self.client.create_experiment(name, artifact_location=f"{place}/{_plain(name)}"))
+
+    def _opening(self, key: str) -> str:
+        """Read what the journal's opening records say about the run."""
+        opening = (record for _, record in read_records(self.directory / JOURNAL) if record["kind"] == "run")
+        return next(str(record["value"]) for record in opening if record["key"] == key)
+
+
+def follow(directory: Path, mlruns: Path) -> int:
+    """Copy a journal until standard input ends, then once more; returns an exit code, 0 when all is copied."""
+    ended_at: float | None = None
+    copier: Copier | None = None
+    identity: list[int] = []
+    while True:
+        last = ended_at is not None
+        if copier is not None and store_identity(mlruns) != identity:
+            os.execv(sys.executable, [sys.executable, "-m", "stages.mlflow_store", str(directory), str(mlruns)])
+        try:
+            if copier is None:
+                copier = open_copier(directory, mlruns)
+                identity = store_identity(mlruns)
+            copier.copy()
+            if last:
+                copier.mark_killed()
+                return 0
+        except _unreachable() as error:
+            log.warning("the tracking store cannot be reached: %s", str(error).splitlines()[0])
+            if ended_at is not None and time.monotonic() - ended_at > PATIENCE:
+                return 1
+        if ended_at is None and _ended(PERIOD):
+            ended_at = time.monotonic()
+        elif last:
+            time.sleep(1.0)
+
+
+def synchronise(runs: Path, mlruns: Path) -> None:
+    """Bring the store up to date with every run that is not at work now."""
+    ensure_store(mlruns)
+    for directory in sorted(path.parent for path in runs.glob(f"*/{JOURNAL}")):
+        open_copier(directory, mlruns).copy()
+
+
+def open_copier(directory: Path, mlruns: Path) -> Copier:
+    """Open the store, which is created where there is none."""
+    from mlflow import MlflowClient
+
+    ensure_store(mlruns)
+    return Copier(directory, mlruns, MlflowClient(database_uri(mlruns)))
+
+
+def download_program(run_id: str, mlruns: Path, target: Path) -> Path:
+    """Copy the program of a run out of the store; returns its directory.
+
+    Raises:
+        MlflowException: there is no such run, or it has no program.
+    """
+    from mlflow import MlflowClient
+
+    found = MlflowClient(database_uri(mlruns)).download_artifacts(run_id, "program", str(target))
+    return Path(found)
+
+
+def _unreachable() -> tuple[type[Exception], ...]:
+    """Name what a store raises that is locked, damaged or gone."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    return (MlflowException, SQLAlchemyError, OSError)
+
+
+def _ended(seconds: float) -> bool:
+    """Wait; True when standard input has ended."""
+    ready, _, _ = select.select([sys.stdin], [], [], seconds)
+    return bool(ready) and not os.read(sys.stdin.fileno(), 1)
+
+
+def run_id_of(directory: Path) -> str | None:
+    """Return MLflow's id of a run, None while it has none."""
+    runs = _state(directory).get("runs")
+    return runs.get(PARENT) if isinstance(runs, Mapping) else None
+
+
+def _state(directory: Path) -> dict[str, Any]:
+    """Read how far a journal is copied."""
+    try:
+        state = parse_json((directory / STATE).read_text())
+    except FileNotFoundError:
+        state = {}
+    return dict(state) if isinstance(state, Mapping) else {}
+
+
+def _whole(value: Json) -> int:
+    return int(str(value))
+
+
+def _of(kind: str, records: Iterable[Record]) -> list[Record]:
+    return [record for record in records if record["kind"] == kind]
+
+
+def _key(record: Record) -> str:
+    return _plain(str(record["key"]))
+
+
+def _plain(name: str) -> str:
+    """Replace what MLflow does not accept in a name."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in "_-. /") else "_" for c in name)
+
+
+@contextmanager
+def _locked(mlruns: Path) -> Iterator[None]:
+    with (mlruns / ".lock").open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Follow the journal of `arguments[0]` for the store in `arguments[1]`."""
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s")
+    return follow(Path(arguments[0]), Path(arguments[1]))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,194 @@
+"""The pieces of Algorithm 2, each backed by a stage: the algorithm stands in `roboscribe.synthesize` alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, TypeAlias
+
+from roboscribe.classifier import Refinement
+from roboscribe.dsl.rewrite import controllers
+from roboscribe.dsl.syntax import Program
+from roboscribe.errors import Fail
+from roboscribe.io.atomic import Json, indented_json
+from roboscribe.rl.config import TrainConfig
+from roboscribe.subtask_tree import Tree
+from roboscribe.synthesize import Outcome, Steps
+from roboscribe.world.layout import FloatArray
+from stages import classify, generate, roll_out, skills, train, update_tree, validate
+from stages.events import Grown, Listener, Programmed, Refined, RolledOut, Trained
+from stages.store import METRICS, AnyStage, Inputs
+from stages.values import (
+    EPISODES,
+    FAILURES,
+    OUTCOME,
+    PROGRAM,
+    REFINEMENT,
+    TREE,
+    failures_bytes,
+    program_bytes,
+    read_fail,
+    read_json,
+    read_outcome,
+    read_program,
+    read_refinement,
+    read_tree,
+    refinement_to_json,
+    tree_to_json,
+)
+from stages.world import TaskConfig
+
+
+class Call(Protocol):
+    """Runs a stage under a name that tells a reader what it is for; returns the directory of its outputs."""
+
+    def __call__(self, label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
+        """Run or find the outputs."""
+
+
+Put: TypeAlias = Callable[[str, bytes], Path]
+"""Stores a small value as a file, see `Store.put`."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all steps of one synthesis share.
+
+    Args:
+        task: where.
+        seed: decides everything.
+        name: what the program is called.
+        training: settings of the learners.
+        scripted: lookahead controllers instead of learned ones.
+        episodes: episodes per rollout of Algorithm 2.
+        demonstrations: a Parquet file.
+    """
+
+    task: TaskConfig
+    seed: int
+    name: str
+    training: TrainConfig
+    scripted: bool
+    episodes: int
+    demonstrations: Path
+
+
+@dataclass(frozen=True)
+class Library:
+    """Controllers as they pass through Algorithm 2: the training stage's outputs, and their names.
+
+    Args:
+        out: the stage's directory; None before anything is trained.
+        grounds: by controller, what its node followed on when it was trained.
+    """
+
+    out: Path | None = None
+    grounds: Mapping[str, Json] = field(default_factory=dict)
+
+    def inputs(self) -> dict[str, Path]:
+        """Return its files as inputs of a stage."""
+        if self.out is None:
+            return {}
+        return {"controllers": self.out / skills.DESCRIPTIONS, "weights": self.out / skills.WEIGHTS}
+
+    def runnable(self) -> dict[str, Path]:
+        """Return its files with the step limits of the program it was last trained for."""
+        return {**self.inputs(), **({} if self.out is None else {"limits": self.out / train.LIMITS})}
+
+
+@dataclass(frozen=True)
+class Staged:
+    """Turns values into files, calls stages, and turns files back into values."""
+
+    setting: Setting
+    call: Call
+    put: Put
+    tell: Listener
+
+    def steps(self) -> Steps[Library]:
+        """Return the pieces of Algorithm 2."""
+        return Steps(self.generate, self.train, self.roll_out, self.classify, self.update_tree, self.validate)
+
+    def generate(self, goal: str, tree: Tree) -> Program | Fail:
+        """GENPROGRAM."""
+        config = generate.Config(self.setting.task, goal, self.setting.name)
+        out = self.call(f"generate program for {goal}", generate.STAGE, config, self.shown(tree))
+        fail = read_fail(out)
+        if fail is not None:
+            return fail
+        program = read_program(out / PROGRAM)
+        self.tell(Programmed(goal, program))
+        return program
+
+    def train(self, program: Program, goal: str, tree: Tree, library: Library) -> Library:
+        """TRAINPROGRAM.
+
+        Departs: a controller whose node got another predecessor since it was trained is trained afresh, for it now
+            takes over in other states.
+        """
+        grounds = {run.controller: _ground(tree, run.controller) for run in controllers(program)}
+        new = [name for name, ground in grounds.items() if library.grounds.get(name) != ground]
+        stale = tuple(name for name in new if name in library.grounds)
+        setting = self.setting
+        config = train.Config(setting.task, setting.seed, setting.training, setting.scripted, stale)
+        inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
+        out = self.call(f"train {', '.join(new) or 'nothing new'}", train.STAGE, config, inputs)
+        self.tell(Trained(goal, tuple(read_json(out / train.REPORTS)), out / METRICS))
+        return Library(out, {**library.grounds, **grounds})
+
+    def roll_out(self, program: Program, goal: str, library: Library) -> Outcome:
+        """Exec(M, P)."""
+        setting = self.setting
+        config = roll_out.Config(setting.task, goal, setting.seed, setting.episodes, setting.training.confirm)
+        inputs = {"program": self.program(program), **library.runnable()}
+        out = self.call(f"roll out {goal}", roll_out.STAGE, config, inputs)
+        self.tell(RolledOut(goal, read_json(out / OUTCOME), out / EPISODES))
+        return read_outcome(out)
+
+    def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:
+        """LEARNCLASSIFIER."""
+        inputs = {**self.shown(tree), "failures": self.put(FAILURES, failures_bytes(failures))}
+        out = self.call(f"classify {goal}", classify.STAGE, classify.Config(self.setting.task, goal), inputs)
+        fail = read_fail(out)
+        if fail is not None:
+            return fail
+        refinement = read_refinement(out / REFINEMENT)
+        self.tell(Refined(refinement, out / REFINEMENT))
+        return refinement
+
+    def update_tree(self, tree: Tree, refinement: Refinement) -> Tree:
+        """UPDATETREE."""
+        inputs = {"tree": self.tree(tree), "refinement": self.json(REFINEMENT, refinement_to_json(refinement))}
+        label = f"update tree with {refinement.node.name}"
+        grown = read_tree(self.call(label, update_tree.STAGE, update_tree.Config(), inputs) / TREE)
+        self.tell(Grown(grown))
+        return grown
+
+    def validate(self, tree: Tree) -> Fail | None:
+        """VALIDATE."""
+        label = f"validate tree of {len(tree.edges)} edges"
+        return read_fail(self.call(label, validate.STAGE, validate.Config(self.setting.task), self.shown(tree)))
+
+    def shown(self, tree: Tree) -> dict[str, Path]:
+        """Return demonstrations and tree as inputs."""
+        return {"demonstrations": self.setting.demonstrations, "tree": self.tree(tree)}
+
+    def tree(self, tree: Tree) -> Path:
+        """Return a tree as a file."""
+        return self.json(TREE, tree_to_json(tree))
+
+    def program(self, program: Program) -> Path:
+        """Return a program as a file."""
+        return self.put(PROGRAM, program_bytes(program))
+
+    def json(self, name: str, value: Json) -> Path:
+        """Return a JSON value as a file."""
+        return self.put(name, indented_json(value).encode())
+
+
+def _ground(tree: Tree, controller: str) -> Json:
+    """Describe what a controller follows on: its node's predecessors, and whether it recurs."""
+    known = any(node.name == controller for node in tree.nodes)
+    before: list[Json] = [node.name for node in tree.predecessors(controller)]
+    return [before, known and tree.node(controller).circular]

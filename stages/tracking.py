@@ -1,0 +1,240 @@
+"""Tracking, the writing side: what happens is journaled at once, and a process of its own copies it into MLflow.
+
+The journal is the truth. Whatever is wrong with the tracking store, training goes on, and the copying process, the
+next run, or `roboscribe ui` brings the store up to date; time stamps come from the journal, so nothing is there twice.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from roboscribe.dsl.printer import text
+from roboscribe.io.atomic import Json, write_file
+from stages.events import (
+    Evaluated,
+    Event,
+    Failed,
+    Grown,
+    Ingested,
+    Packaged,
+    Programmed,
+    Refined,
+    RolledOut,
+    Trained,
+)
+from stages.journal import Journal, Record, read_records
+from stages.mlflow_store import JOURNAL, PARENT, run_id_of
+from stages.progress import Progress
+from stages.store import TIMING
+from stages.values import TREE, program_bytes, read_json, tree_to_json
+
+LOG = "tracking.log"
+IDENTITY = ("run", "kind", "key", "step")
+EVALUATION = "evaluation"
+STEPS = "steps"
+"""Unit of progress that is a learner's."""
+_COLUMNS = ("predicate", "accepted", "initial", "kept", "first", "advances", "own_goal", "entities", "size", "margin")
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Tracker:
+    """Listens to one synthesis.
+
+    Args:
+        directory: of the run; holds the journal.
+        mlruns: directory of the tracking store.
+        params: scalar parameters, repeated on every child so that runs can be compared.
+        title: how the run is called.
+        experiment: group of runs.
+    """
+
+    directory: Path
+    mlruns: Path
+    params: Mapping[str, str]
+    title: str
+    experiment: str
+    _follower: subprocess.Popen[bytes] | None = None
+    _counts: dict[str, int] = field(default_factory=dict)
+    _last: RolledOut | None = None
+
+    def __post_init__(self) -> None:
+        """Open the journal and start a new attempt."""
+        self.directory.mkdir(parents=True, exist_ok=True)
+        self._journal = Journal(self.directory / JOURNAL, IDENTITY)
+        self.attempt = 1 + sum(r["kind"] == "status" and r["value"] == "RUNNING" for r in self._journal.records())
+        self._note(PARENT, "run", "title", self.title)
+        self._note(PARENT, "run", "experiment", self.experiment)
+        self._params(PARENT, {"kind": "synthesis"})
+        self.status("RUNNING")
+
+    def start(self) -> None:
+        """Start the process that copies the journal into MLflow; it ends when this process does."""
+        places = [str(self.directory.resolve()), str(self.mlruns.resolve())]
+        with (self.directory / LOG).open("ab") as output:
+            self._follower = subprocess.Popen(
+                [sys.executable, "-m", "stages.mlflow_store", *places],
+                stdin=subprocess.PIPE,
+                stdout=output,
+                stderr=output,
+                cwd=Path(__file__).resolve().parent.parent,
+                start_new_session=True,
+            )
+
+    def close(self, timeout: float = 90.0) -> str | None:
+        """Wait until everything is copied; returns MLflow's run id, None where the store could not be reached."""
+        if self._follower is not None and self._follower.stdin is not None:
+            self._follower.stdin.close()
+            try:
+                self._follower.wait(timeout)
+            except subprocess.TimeoutExpired:
+                self._follower.kill()
+                self._follower.wait()
+            if self._follower.returncode != 0:
+                log.warning("the tracking store %s is behind; the journal %s is kept", self.mlruns, self._journal.path)
+        return run_id_of(self.directory)
+
+    def status(self, value: str) -> None:
+        """Journal how the run stands: RUNNING, FINISHED, FAILED or KILLED."""
+        self._note(PARENT, "status", "status", value, self.attempt)
+
+    def result(self, metrics: Mapping[str, float]) -> None:
+        """Journal the figures of the whole run."""
+        self._metrics(PARENT, metrics, self.attempt)
+
+    def watch(self, progress: Progress) -> None:
+        """Journal a learner's figures as they come."""
+        if progress.unit == STEPS:
+            self._curve(progress.what, progress.metrics, progress.done, progress.time)
+
+    def listen(self, event: Event) -> None:
+        """Journal an event."""
+        match event:
+            case Ingested(report):
+                self._ingested(report)
+            case Programmed(_, program):
+                number = self._count("program")
+                path = self._file(f"program-{number}.txt", program_bytes(program))
+                self._note(PARENT, "artifact", f"programs/{number}", str(path), folder="programs")
+            case Trained(_, reports, metrics):
+                self._trained(reports, metrics)
+            case RolledOut():
+                self._last = event
+                self._metrics(PARENT, {"rollout_success": _rate(event.counts)}, self._count("rollout"))
+            case Refined():
+                self._refined(event)
+            case Grown(tree):
+                name = f"refinement {self._counts['refinement']}"
+                self._tree(name, self._file(f"{name}/{TREE}", _json_bytes(tree_to_json(tree))))
+                self._note(name, "status", "status", "FINISHED")
+            case Evaluated(figures, table):
+                self._evaluated(figures, table)
+            case Packaged(_, _, directory):
+                self._note(PARENT, "artifacts", "program", str(directory))
+                self._tree(PARENT, directory / TREE)
+            case Failed(reason):
+                self._note(PARENT, "tag", "reason", reason, self.attempt)
+
+    def _ingested(self, report: Mapping[str, Any]) -> None:
+        digest = str(report["digest"])
+        self._note(PARENT, "input", "demonstrations", digest)
+        kept = {"demonstrations": str(report["kept"]), "demonstrations_sha256": digest}
+        for key, value in kept.items():
+            self._note(PARENT, "param", key, value)
+
+    def _trained(self, reports: tuple[Mapping[str, Any], ...], metrics: Path) -> None:
+        for _, row in read_records(metrics):
+            figures, step, time = row["metrics"], row["step"], row["time"]
+            assert isinstance(figures, Mapping)
+            assert isinstance(step, int)
+            assert isinstance(time, int)
+            self._curve(str(row["controller"]), {k: float(str(v)) for k, v in figures.items()}, step, time)
+        for report in reports:
+            name = f"controller {report['controller']}"
+            self._params(name, {"kind": "controller", "subject": report["controller"], "learner": report["learner"]})
+            steps = report["control_steps"]
+            final = {"success": report["success"], "env_steps": steps, "episodes": report["starts"]}
+            self._metrics(name, {**final, "warm_success": report["warm_success"]}, steps)
+            self._note(name, "status", "status", "FINISHED")
+
+    def _curve(self, controller: str, metrics: Mapping[str, float], step: int, time: int) -> None:
+        name = f"controller {controller}"
+        for key, value in metrics.items():
+            point: Record = {"run": name, "kind": "metric", "key": f"curve/{key}", "value": value}
+            self._append({**point, "step": step, "time": time})
+
+    def _refined(self, event: Refined) -> None:
+        refinement, name = event.refinement, f"refinement {self._count('refinement')}"
+        tried = self._last
+        assert tried is not None, "a refinement follows a rollout"
+        about = {"goal": refinement.psi, "subgoal": refinement.node.name, "reused": str(refinement.reused)}
+        phi = text(refinement.node.predicate)
+        self._params(name, {"kind": "refinement", "subject": refinement.node.name, "predicate": phi, **about})
+        counts = tried.counts
+        figures = {"success": _rate(counts), "episodes": counts["episodes"], "env_steps": counts["control_steps"]}
+        self._metrics(name, {**figures, "negatives": refinement.negatives, "positives": refinement.positives}, 0)
+        rows: list[Json] = [[_cell(getattr(c, column)) for column in _COLUMNS] for c in refinement.table]
+        table: Json = {"columns": list(_COLUMNS), "data": rows}
+        self._table(name, self._file(f"{name}/predicates.json", _json_bytes(table)))
+        self._table(name, tried.table)
+        self._note(name, "artifact", "refinement", str(event.table), folder="")
+
+    def _evaluated(self, figures: Mapping[str, Any], table: Path) -> None:
+        self._params(EVALUATION, {"kind": "evaluation", "subject": "program"})
+        shown = {key: figures[key] for key in ("success", "ci_low", "ci_high", "episodes", "diverged")}
+        seconds = read_json(table.parent / TIMING)["wall_seconds"]
+        shown |= {"env_steps": figures["control_steps"], "wall_seconds": seconds}
+        self._metrics(EVALUATION, shown, 0)
+        self._table(EVALUATION, table)
+        self._note(EVALUATION, "status", "status", "FINISHED")
+
+    def _tree(self, run: str, path: Path) -> None:
+        self._note(run, "artifact", "tree", str(path), folder="")
+        self._note(run, "picture", "tree", str(path))
+
+    def _table(self, run: str, path: Path) -> None:
+        self._note(run, "table", path.name, str(path))
+
+    def _params(self, run: str, own: Mapping[str, str]) -> None:
+        for key, value in {**self.params, **own}.items():
+            self._note(run, "param", key, value)
+
+    def _metrics(self, run: str, metrics: Mapping[str, float], step: int) -> None:
+        for key, value in metrics.items():
+            self._append({"run": run, "kind": "metric", "key": key, "value": float(value), "step": step})
+
+    def _note(self, run: str, kind: str, key: str, value: str, step: int = 0, **more: Json) -> None:
+        self._append({"run": run, "kind": kind, "key": key, "value": value, "step": step, **more})
+
+    def _append(self, record: Record) -> None:
+        self._journal.append(record)
+
+    def _file(self, name: str, data: bytes) -> Path:
+        """Write a file of the run's own."""
+        path = self.directory.resolve() / "files" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, data)
+        return path
+
+    def _count(self, what: str) -> int:
+        self._counts[what] = self._counts.get(what, 0) + 1
+        return self._counts[what]
+
+
+def _rate(counts: Mapping[str, Any]) -> float:
+    return float(counts["successes"]) / float(counts["episodes"])
+
+
+def _cell(value: object) -> Json:
+    return value if isinstance(value, bool | int | float) else str(value)
+
+
+def _json_bytes(value: Json) -> bytes:
+    return json.dumps(value, ensure_ascii=False, indent=1).encode()

@@ -1,0 +1,36 @@
+"""UPDATETREE: refine a subtask tree with a learned subgoal."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from roboscribe.subtask_tree import update_tree
+from stages import alone
+from stages.progress import Report, silent
+from stages.store import Inputs, Stage
+from stages.values import TREE, read_refinement, read_tree, tree_to_json, write_json
+
+
+@dataclass(frozen=True)
+class Config:
+    """Nothing to set."""
+
+
+def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+    """Write `tree.json`.
+
+    Inputs:
+        tree: the subtask tree.
+        refinement: the subgoal and what it is a subgoal of.
+    """
+    refinement = read_refinement(inputs["refinement"])
+    tree = update_tree(read_tree(inputs["tree"]), refinement.node, refinement.psi)
+    write_json(out / TREE, tree_to_json(tree))
+
+
+STAGE = Stage("update_tree", Config, run)
+
+if __name__ == "__main__":
+    sys.exit(alone.main(STAGE))

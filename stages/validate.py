@@ -1,0 +1,43 @@
+"""VALIDATE: check every edge of a subtask tree against the demonstrations."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from roboscribe.subtask_tree import validate
+from stages import alone
+from stages.progress import Report, silent
+from stages.store import Inputs, Stage
+from stages.values import read_tree, write_fail, write_json
+from stages.world import TaskConfig, load_evidence
+
+
+@dataclass(frozen=True)
+class Config:
+    """What the demonstrations show."""
+
+    task: TaskConfig
+
+
+def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+    """Write `valid.json`, or why the tree cannot be right.
+
+    Inputs:
+        demonstrations: a Parquet file.
+        tree: the subtask tree.
+    """
+    evidence = load_evidence(inputs["demonstrations"], config.task)
+    tree = read_tree(inputs["tree"])
+    invalid = validate(tree, evidence.first_steps_of(tree))
+    if invalid is not None:
+        write_fail(out, invalid)
+    else:
+        write_json(out / "valid.json", {"edges": len(tree.edges)})
+
+
+STAGE = Stage("validate", Config, run)
+
+if __name__ == "__main__":
+    sys.exit(alone.main(STAGE))

@@ -1,0 +1,181 @@
+"""Trees, refinements and outcomes on disk: JSON and safetensors, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors import numpy as safetensors
+
+from roboscribe.classifier import Refinement
+from roboscribe.dsl.parser import parse_predicate, parse_program
+from roboscribe.dsl.printer import pretty, text
+from roboscribe.dsl.syntax import Program
+from roboscribe.errors import ArtifactError, Fail, RoboScribeError
+from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
+from roboscribe.search.predicates import Candidate
+from roboscribe.subtask_tree import Node, Tree
+from roboscribe.synthesize import Outcome
+from roboscribe.world.layout import FloatArray
+
+FAIL, PROGRAM, TREE, REFINEMENT = "fail.json", "program.txt", "tree.json", "refinement.json"
+OUTCOME, FAILURES, EPISODES = "outcome.json", "failures.safetensors", "episodes.json"
+
+
+def write_json(path: Path, value: Json) -> None:
+    """Write a JSON file whole or not at all."""
+    write_file(path, indented_json(value).encode())
+
+
+def read_json(path: Path) -> Any:  # noqa: ANN401 - callers know what they wrote
+    """Read a JSON file.
+
+    Raises:
+        ArtifactError: it cannot be read or is no JSON.
+    """
+    try:
+        return parse_json(path.read_text())
+    except (OSError, ValueError) as error:
+        msg = f"{path}: cannot be read as JSON ({error})"
+        raise ArtifactError(msg) from error
+
+
+def write_fail(out: Path, fail: Fail) -> None:
+    """Write why there is no result."""
+    write_json(out / FAIL, {"reason": fail.reason})
+
+
+def read_fail(out: Path) -> Fail | None:
+    """Read why there is no result; None where there is one."""
+    return Fail(str(read_json(out / FAIL)["reason"])) if (out / FAIL).exists() else None
+
+
+def program_bytes(program: Program) -> bytes:
+    """Spell a program as its readers see it; what prints is what runs."""
+    return pretty(program).rstrip().encode() + b"\n"
+
+
+def read_program(path: Path) -> Program:
+    """Parse a program's file.
+
+    Raises:
+        ArtifactError: the file cannot be read.
+        ProgramError: its text is no program.
+    """
+    try:
+        return parse_program(path.read_text())
+    except (OSError, UnicodeDecodeError) as error:
+        msg = f"{path}: cannot be read as text ({error})"
+        raise ArtifactError(msg) from error
+
+
+def tree_to_json(tree: Tree) -> dict[str, Json]:
+    """Describe a tree; predicates are text."""
+    return {"nodes": [_node_to_json(node) for node in tree.nodes], "edges": [list(edge) for edge in tree.edges]}
+
+
+def tree_from_json(value: Any, where: str = "tree") -> Tree:  # noqa: ANN401 - whatever JSON is found
+    """Read what `tree_to_json` wrote.
+
+    Raises:
+        ArtifactError: it is something else.
+    """
+    try:
+        nodes = tuple(_node_from_json(node) for node in value["nodes"])
+        edges = tuple((str(phi), str(psi)) for phi, psi in value["edges"])
+    except (KeyError, TypeError, ValueError, RoboScribeError) as error:
+        msg = f"{where}: found no subtask tree ({error}), expected nodes and edges"
+        raise ArtifactError(msg) from error
+    return Tree(nodes, edges)
+
+
+def read_tree(path: Path) -> Tree:
+    """Read a tree's file."""
+    return tree_from_json(read_json(path), str(path))
+
+
+def refinement_to_json(refinement: Refinement) -> dict[str, Json]:
+    """Describe a refinement with its whole ranked table."""
+    return {
+        "psi": refinement.psi,
+        "node": _node_to_json(refinement.node),
+        "reused": refinement.reused,
+        "positives": refinement.positives,
+        "negatives": refinement.negatives,
+        "table": [_candidate_to_json(candidate) for candidate in refinement.table],
+    }
+
+
+def read_refinement(path: Path) -> Refinement:
+    """Read a refinement's file.
+
+    Raises:
+        ArtifactError: it holds something else.
+    """
+    value = read_json(path)
+    try:
+        return Refinement(
+            psi=str(value["psi"]),
+            node=_node_from_json(value["node"]),
+            reused=bool(value["reused"]),
+            table=tuple(_candidate_from_json(row) for row in value["table"]),
+            positives=int(value["positives"]),
+            negatives=int(value["negatives"]),
+        )
+    except (KeyError, TypeError, ValueError, RoboScribeError) as error:
+        msg = f"{path}: found no refinement ({error})"
+        raise ArtifactError(msg) from error
+
+
+def failures_bytes(failures: FloatArray) -> bytes:
+    """Spell N_s as safetensors."""
+    return safetensors.save({"failures": np.ascontiguousarray(failures)})
+
+
+def read_failures(path: Path) -> FloatArray:
+    """Read N_s.
+
+    Raises:
+        ArtifactError: the file is damaged.
+    """
+    try:
+        failures: FloatArray = safetensors.load_file(path)["failures"]
+    except (OSError, SafetensorError, KeyError) as error:
+        msg = f"{path}: cannot be read as failing states ({error})"
+        raise ArtifactError(msg) from error
+    return failures
+
+
+def read_outcome(out: Path) -> Outcome:
+    """Read what a rollout stage wrote."""
+    value = read_json(out / OUTCOME)
+    return Outcome(int(value["successes"]), int(value["episodes"]), read_failures(out / FAILURES))
+
+
+def _node_to_json(node: Node) -> dict[str, Json]:
+    return {
+        "name": node.name,
+        "predicate": text(node.predicate),
+        "circular": node.circular,
+        "scales": dict(node.scales),
+    }
+
+
+def _node_from_json(value: Mapping[str, Any]) -> Node:
+    scales = {str(term): float(scale) for term, scale in value["scales"].items()}
+    return Node(str(value["name"]), parse_predicate(value["predicate"]), bool(value["circular"]), scales)
+
+
+def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:
+    """Describe a candidate: all its figures, its predicate as text."""
+    row = {field.name: getattr(candidate, field.name) for field in fields(candidate)}
+    return {**row, "predicate": text(candidate.predicate), "scales": [list(pair) for pair in candidate.scales]}
+
+
+def _candidate_from_json(row: Mapping[str, Any]) -> Candidate:
+    scales = tuple((str(term), float(scale)) for term, scale in row["scales"])
+    return Candidate(**{**row, "predicate": parse_predicate(row["predicate"]), "scales": scales})

@@ -1,0 +1,68 @@
+"""Which world a stage works in, and the demonstrations as the algorithms see them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+
+from roboscribe.envs.catalogue import make_task
+from roboscribe.evidence import Evidence
+from roboscribe.io.atomic import sha256_of
+from roboscribe.io.demonstrations import Demonstrations, read_demonstrations
+from roboscribe.world.layout import IntArray
+from roboscribe.world.protocols import Task
+
+DEMONSTRATIONS = "demonstrations.parquet"
+
+
+@dataclass(frozen=True)
+class TaskConfig:
+    """A task of the catalogue.
+
+    Args:
+        name: its name.
+        contact: contact model.
+        timing: simulator steps per control step.
+    """
+
+    name: str
+    contact: str = "stable"
+    timing: str = "fast"
+
+    def make(self) -> Task:
+        """Build the task.
+
+        Raises:
+            TaskError: there is no such task or option.
+        """
+        return make_task(self.name, contact=self.contact, timing=self.timing)
+
+
+def load_evidence(path: Path, config: TaskConfig) -> Evidence:
+    """Read demonstrations and name their entities; a file that was just read is not read again.
+
+    Raises:
+        DemonstrationError: the file is damaged or shows another task.
+    """
+    return _evidence(path, sha256_of(path), config)
+
+
+@lru_cache(maxsize=2)
+def _evidence(path: Path, _digest: str, config: TaskConfig) -> Evidence:
+    task = config.make()
+    return Evidence.of(read_demonstrations(path, task).trajectories, task.solved)
+
+
+def load_demonstrations(path: Path, config: TaskConfig) -> Demonstrations:
+    """Read demonstrations as they are."""
+    return read_demonstrations(path, config.make())
+
+
+def episode_seeds(seed: int, purpose: str, episodes: int) -> IntArray:
+    """Draw the episodes' seeds (E,), of their own for every purpose; more episodes begin with the same ones."""
+    rng = np.random.default_rng([seed, crc32(purpose.encode())])
+    return rng.integers(2**31, size=episodes, dtype=np.int64)

@@ -1,0 +1,196 @@
+"""What holds for every environment in the catalogue."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from roboscribe.envs import demonstrator
+from roboscribe.envs.catalogue import make_task, task_names
+from roboscribe.errors import TaskError
+from roboscribe.world.layout import ROBOT, FloatArray, IntArray
+from roboscribe.world.protocols import Task, World
+from roboscribe.world.trajectory import Trajectory
+
+STEPS = 12
+
+
+def rows(*indices: int) -> IntArray:
+    return np.array(indices, dtype=np.int64)
+
+
+@pytest.fixture(params=task_names())
+def task(request: pytest.FixtureRequest) -> Task:
+    return make_task(request.param)
+
+
+@lru_cache(maxsize=4)
+def demonstrations(name: str) -> list[Trajectory]:
+    return make_task(name).demonstrate(4, seed=7)
+
+
+def actions(count: int, seed: int = 0) -> FloatArray:
+    return np.random.default_rng(seed).uniform(-1, 1, size=(STEPS, count, 4))
+
+
+def drive(world: World, which: IntArray, commands: FloatArray) -> FloatArray:
+    return np.array([world.step(which, command) for command in commands])
+
+
+def test_shapes(task: Task) -> None:
+    world = task.world(3)
+    assert world.batch == 3
+    states = world.reset(rows(0, 1, 2), rows(5, 6, 7))
+    assert states.shape == (3, task.layout.size)
+    assert states.dtype == np.float64
+    assert world.step(rows(2, 0), np.zeros((2, task.action_size))).shape == (2, task.layout.size)
+    assert task.solved(states).shape == (3,)
+    assert task.solved(states[:, None]).shape == (3, 1)
+    assert world.diverged(rows(0, 1, 2)).tolist() == [False] * 3
+
+
+def test_a_start_depends_on_its_seed_alone(task: Task) -> None:
+    first, second = task.world(3), task.world(2)
+    states = first.reset(rows(0, 1, 2), rows(11, 12, 11))
+    assert (states[0] == states[2]).all()
+    assert (states[0] != states[1]).any()
+    first.step(rows(1), np.ones((1, 4)))
+    assert (first.reset(rows(1), rows(11)) == states[0]).all()
+    assert (second.reset(rows(1), rows(12)) == states[1]).all()
+
+
+def test_starts_lie_where_the_task_says(task: Task) -> None:
+    world = task.world(1)
+    states = np.array([world.reset(rows(0), rows(seed))[0] for seed in range(60)])
+    hand, block = states[:, :3], states[:, task.layout.columns[0, "position", False]]
+    goal = states[:, task.layout.columns[0, "position", True]]
+    offset = np.abs(block - hand)[:, :2]
+    assert (offset <= 0.15).all()
+    assert (np.linalg.norm(block - hand, axis=1) >= 0.10).all()
+    assert (np.abs(goal - hand)[:, :2] <= 0.1501).all()
+    height = goal[:, 2] - block[:, 2]
+    assert ((height > -1e-3) & (height < 0.451)).all()
+    air = np.mean(height > 1e-3)
+    assert 0.25 < air < 0.75, "half of the goals are in the air"
+    assert np.allclose(hand, hand[0], atol=1e-6)
+
+
+def test_attributes_stay_within_their_bounds(task: Task) -> None:
+    states = np.concatenate([trajectory.states for trajectory in demonstrations(task.name)])
+    for index in (ROBOT, 0):
+        kind = task.layout.type_of(index)
+        for goal in (False, True):
+            for attribute in kind.described(goal):
+                values = states[:, task.layout.columns[index, attribute.name, goal]]
+                assert ((values >= attribute.low) & (values <= attribute.high)).all(), attribute.name
+
+
+@pytest.mark.parametrize(("distance", "expected"), [(0.0499, True), (0.0501, False)])
+def test_solved_is_the_threshold(task: Task, distance: float, expected: bool) -> None:
+    state = task.world(1).reset(rows(0), rows(0))[0]
+    goal = state[task.layout.columns[0, "position", True]]
+    state[task.layout.columns[0, "position", False]] = goal + np.array([0.0, distance, 0.0])
+    assert bool(task.solved(state)) is expected
+
+
+def test_a_row_moves_alone_as_in_a_batch(task: Task) -> None:
+    commands = actions(3)
+    together, alone = task.world(3), task.world(1)
+    together.reset(rows(0, 1, 2), rows(1, 2, 3))
+    alone.reset(rows(0), rows(2))
+    batch = drive(together, rows(0, 1, 2), commands)
+    assert (batch[:, 1] == drive(alone, rows(0), commands[:, 1:2])[:, 0]).all()
+
+
+def test_other_rows_stand_still(task: Task) -> None:
+    world = task.world(3)
+    states = world.reset(rows(0, 1, 2), rows(1, 2, 3))
+    world.step(rows(2), np.ones((1, 4)))
+    assert (world.observe(rows(0, 1)) == states[:2]).all()
+    assert (world.observe(rows(2)) != states[2]).any()
+    assert world.control_steps == 1
+
+
+def test_the_order_of_rows_does_not_matter(task: Task) -> None:
+    commands = actions(2)
+    one, other = task.world(2), task.world(2)
+    one.reset(rows(0, 1), rows(4, 5))
+    other.reset(rows(1, 0), rows(5, 4))
+    straight = drive(one, rows(0, 1), commands)
+    swapped = drive(other, rows(1, 0), commands[:, ::-1])
+    assert (straight == swapped[:, ::-1]).all()
+
+
+def test_a_saved_row_goes_on_bit_for_bit_elsewhere(task: Task) -> None:
+    commands = actions(2)
+    world = task.world(2)
+    world.reset(rows(0, 1), rows(8, 9))
+    drive(world, rows(0, 1), commands[:6])
+    snapshots, seen = world.save(rows(0, 1)), world.observe(rows(0, 1))
+    rest = drive(world, rows(0, 1), commands[6:])
+    elsewhere = task.world(3)
+    assert (elsewhere.load(rows(2, 0), snapshots) == seen).all()
+    assert (elsewhere.save(rows(2, 0)) == snapshots).all()
+    assert (drive(elsewhere, rows(2, 0), commands[6:]) == rest).all()
+
+
+def test_snapshots_carry_goals(task: Task) -> None:
+    world = task.world(2)
+    states = world.reset(rows(0, 1), rows(8, 9))
+    assert (world.load(rows(1), world.save(rows(0))) == states[0]).all()
+
+
+def test_actions_are_clipped(task: Task) -> None:
+    world = task.world(2)
+    world.reset(rows(0, 1), rows(3, 3))
+    after = world.step(rows(0, 1), np.array([[5.0, -9.0, 0.5, 2.0], [1.0, -1.0, 0.5, 1.0]]))
+    assert (after[0] == after[1]).all()
+
+
+def test_actions_that_are_not_numbers_are_refused(task: Task) -> None:
+    world = task.world(1)
+    world.reset(rows(0), rows(3))
+    with pytest.raises(ValueError, match="not finite"):
+        world.step(rows(0), np.array([[0.0, np.nan, 0.0, 0.0]]))
+
+
+def test_rows_must_be_reset_before_they_step(task: Task) -> None:
+    with pytest.raises(ValueError, match="never reset"):
+        task.world(2).step(rows(1), np.zeros((1, 4)))
+
+
+def test_snapshots_of_another_scene_are_refused(task: Task) -> None:
+    with pytest.raises(TaskError, match="expected"):
+        task.world(1).load(rows(0), np.zeros((1, 10)))
+
+
+def test_demonstrations_solve_the_task(task: Task) -> None:
+    found = demonstrations(task.name)
+    assert len(found) == 4
+    for trajectory in found:
+        assert trajectory.actions is not None
+        assert trajectory.snapshots is not None
+        assert len(trajectory.states) == len(trajectory.actions) + 1 == len(trajectory.snapshots)
+        assert len(trajectory.actions) <= task.horizon
+        assert (np.abs(trajectory.actions) <= 1).all()
+        assert task.solved(trajectory.states)[-demonstrator.STAY :].all()
+        assert not task.solved(trajectory.states)[: -demonstrator.STAY][-1:].any()
+
+
+def test_demonstrations_can_be_replayed(task: Task) -> None:
+    trajectory = demonstrations(task.name)[1]
+    assert trajectory.actions is not None
+    assert trajectory.snapshots is not None
+    world = task.world(1)
+    assert (world.load(rows(0), trajectory.snapshots[:1])[0] == trajectory.states[0]).all()
+    assert (drive(world, rows(0), trajectory.actions[:, None])[:, 0] == trajectory.states[1:]).all()
+    assert (world.save(rows(0))[0] == trajectory.snapshots[-1]).all()
+
+
+def test_demonstrations_depend_on_the_seed_alone(task: Task) -> None:
+    found = demonstrations(task.name)
+    again, other = task.demonstrate(1, seed=7), task.demonstrate(1, seed=8)
+    assert (again[0].states == found[0].states).all()
+    assert other[0].states.shape != found[0].states.shape or (other[0].states != found[0].states).any()

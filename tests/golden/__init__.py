@@ -1,0 +1,1 @@
+"""Texts that must not change by accident."""

@@ -1,0 +1,1 @@
+"""Files: demonstrations, saved programs, atomic writes."""

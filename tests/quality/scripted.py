@@ -1,0 +1,68 @@
+"""Runs the whole of Algorithm 1 on point tasks, with lookahead controllers in the place of learned ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from roboscribe.dsl.interpreter import execute
+from roboscribe.dsl.syntax import Program
+from roboscribe.envs.point_world import POINT_TASKS, Lookahead, PointTask, lookahead_skills
+from roboscribe.errors import Fail
+from roboscribe.evidence import Evidence
+from roboscribe.subtask_tree import ROOT, TRUE, Tree
+from roboscribe.synthesize import Limits, Outcome, Solution, pure_steps, roboscribe
+from roboscribe.world.trajectory import Trajectory
+
+Skills = dict[str, Lookahead]
+
+
+def solve(task: PointTask, trajectories: list[Trajectory], seed: int) -> Solution[Skills] | Fail:
+    """Synthesize a program from demonstrations of a point task."""
+    evidence = Evidence.of(trajectories, task.solved)
+
+    def train(program: Program, psi: str, tree: Tree, skills: Skills) -> Skills:
+        scales = {node.name: node.scales for node in tree.nodes}
+        return {**skills, **lookahead_skills(task, program, lambda name: scales.get(name, {}), seed)}
+
+    def roll_out(program: Program, psi: str, skills: Skills) -> Outcome:
+        rng = np.random.default_rng(seed)
+        seeds = np.arange(16) + 1000 * seed
+        return Outcome.of(execute(program, skills, task, seeds, until_end=psi != ROOT, limits={}, rng=rng))
+
+    return roboscribe(pure_steps(evidence, train, roll_out), {}, Limits())
+
+
+def demonstrations(name: str, seed: int, episodes: int = 40, *, shuffled: bool = False) -> list[Trajectory]:
+    """Collect demonstrations, if asked with the entity indices of every one shuffled on their own."""
+    task = POINT_TASKS[name]
+    rng = np.random.default_rng(seed)
+    found = task.demonstrate(episodes, seed)
+    return [t.renamed(_shuffle(task, rng)) if shuffled else t for t in found]
+
+
+def _shuffle(task: PointTask, rng: np.random.Generator) -> tuple[int, ...]:
+    order = list(range(len(task.kinds)))
+    for kind in dict.fromkeys(task.kinds):
+        members = [i for i, k in enumerate(task.kinds) if k == kind]
+        for place, entity in zip(members, rng.permutation(members), strict=True):
+            order[place] = int(entity)
+    return tuple(order)
+
+
+def paths(tree: Tree) -> set[tuple[str, ...]]:
+    """Every path of a tree from True to ψ_R, circular nodes in parentheses."""
+
+    def to(name: str) -> list[tuple[str, ...]]:
+        if name == TRUE:
+            return [(TRUE,)]
+        shown = f"({name})" if tree.node(name).circular else name
+        return [(*path, shown) for a, b in tree.edges if b == name for path in to(a)]
+
+    return set(to(ROOT))
+
+
+def variant(name: str, **changes: object) -> PointTask:
+    """A point task with other options."""
+    return replace(POINT_TASKS[name], **changes)  # type: ignore[arg-type]  # options are checked by their use

@@ -1,0 +1,84 @@
+"""Cloning: its loss by hand, and what it makes of clean and of contradictory demonstrations."""
+
+import numpy as np
+import pytest
+import torch
+from carry_world import PROGRAM, Carry, Direct, layout
+
+from roboscribe.dsl.interpreter import segment
+from roboscribe.dsl.rewrite import controllers
+from roboscribe.rl.clone import Samples, clone, gaussian_loss
+from roboscribe.rl.config import CloneConfig
+from roboscribe.rl.observation import observation_spec
+from roboscribe.rl.skill import Skill
+
+QUICK = CloneConfig(steps=200, hidden=(32, 32), checkpoints=2)
+
+
+def blank(samples: Samples) -> Skill:
+    spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout())
+    return Skill("hold", spec.fitted(layout(), samples.states, samples.entities), (), layout())
+
+
+def reaching(count: int, seed: int) -> Samples:
+    states, entities = np.random.default_rng(seed).uniform(-0.3, 0.3, (count, 6)), np.zeros((count, 1), np.int64)
+    return Samples(states, entities, Direct(carry=False).act(states, entities))
+
+
+def test_loss_is_the_negative_log_likelihood_up_to_a_constant():
+    output = torch.tensor([[0.5, -1.0, np.log(2.0), 0.0]])
+    target = torch.tensor([[1.5, 1.0]])
+    expected = 0.5 * (1 / 2) ** 2 + np.log(2.0) + 0.5 * 2**2
+    assert gaussian_loss(output, target, -3.0).item() == pytest.approx(expected)
+
+
+def test_loss_bounds_the_spread_from_below():
+    output = torch.tensor([[0.0, -100.0]])
+    assert gaussian_loss(output, torch.tensor([[0.0]]), -3.0).item() == pytest.approx(-3.0)
+
+
+def test_clones_the_demonstrator():
+    samples = reaching(400, 0)
+    *_, (steps, cloned) = clone(blank(samples), samples, QUICK, 0)
+    fresh = reaching(200, 1)
+    error = np.abs(cloned.act(fresh.states, fresh.entities) - fresh.actions)
+    assert steps == QUICK.steps
+    assert error.mean() < 0.1
+
+
+def test_checkpoints_lie_in_the_second_half():
+    samples = reaching(50, 0)
+    assert [steps for steps, _ in clone(blank(samples), samples, QUICK, 0)] == [150, 200]
+
+
+def test_same_seed_same_weights_another_seed_others():
+    samples = reaching(50, 0)
+    one, same, other = (list(clone(blank(samples), samples, QUICK, seed))[-1][1].layers[0][0] for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one, same)
+    assert not (one == other).all()
+
+
+def test_a_few_wild_frames_do_not_spoil_the_rest():
+    samples = reaching(400, 0)
+    actions = samples.actions.copy()
+    wild = np.random.default_rng(1).choice(400, 20, replace=False)
+    actions[wild] = -actions[wild]
+    *_, (_, cloned) = clone(blank(samples), Samples(samples.states, samples.entities, actions), QUICK, 0)
+    fresh = reaching(200, 2)
+    assert np.abs(cloned.act(fresh.states, fresh.entities) - fresh.actions).mean() < 0.15
+
+
+def test_frames_without_an_action_are_left_out():
+    samples = reaching(4, 0)
+    samples.actions[1] = np.nan
+    known = samples.known()
+    assert len(known) == 3
+    np.testing.assert_array_equal(known.states, samples.states[[0, 2, 3]])
+
+
+def test_segments_of_demonstrations_split_at_hold():
+    (demonstration,) = Carry().demonstrate(1, 0)
+    first, second = segment(PROGRAM, demonstration)
+    gap = np.linalg.norm(demonstration.states[:, :2] - demonstration.states[:, 2:4], axis=1)
+    assert (first.start, second.stop) == (0, len(demonstration) - 1)
+    assert gap[second.start] < 0.04 <= gap[: first.stop].min()

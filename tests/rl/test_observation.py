@@ -1,0 +1,96 @@
+"""What a controller sees, by hand."""
+
+import json
+
+import numpy as np
+import pytest
+from carry_world import PROGRAM, layout
+
+from roboscribe.dsl.rewrite import controllers
+from roboscribe.errors import ArtifactError
+from roboscribe.rl.observation import FINE_CLIP, Encoder, ObservationSpec, Part, observation_spec
+from roboscribe.world import Attribute, Layout, ObjectType
+from roboscribe.world.layout import ROBOT
+
+HOLD, AT = controllers(PROGRAM)
+STATE = np.array([[0.1, 0.2, 0.4, 0.8, 0.41, 0.0, 5.0, 6.0, 7.0, 8.0]])
+
+
+def test_a_controller_sees_its_arguments_and_nothing_else():
+    spec = observation_spec(HOLD, {"b": "block"}, layout(2))
+    assert spec.parts == (Part(ROBOT, "position"), Part(0, "position"))
+    goal = observation_spec(AT, {"b": "block"}, layout(2))
+    assert goal.parts == (*spec.parts, Part(0, "position", goal=True))
+    assert goal.pairs == ((0, 1), (0, 2), (1, 2))
+
+
+def test_raw_values_are_attributes_then_differences():
+    encoder = Encoder(observation_spec(AT, {"b": "block"}, layout(2)), layout(2))
+    raw = encoder.raw(STATE, np.array([[0]]))
+    np.testing.assert_allclose(
+        raw, [[0.1, 0.2, 0.4, 0.8, 0.41, 0.0, 0.1 - 0.4, 0.2 - 0.8, 0.1 - 0.41, 0.2, 0.4 - 0.41, 0.8]]
+    )
+
+
+def test_each_row_sees_the_entity_bound_there():
+    encoder = Encoder(observation_spec(HOLD, {"b": "block"}, layout(2)), layout(2))
+    raw = encoder.raw(np.repeat(STATE, 2, axis=0), np.array([[1], [0]]))
+    np.testing.assert_allclose(raw[:, 2:4], [[5.0, 6.0], [0.4, 0.8]])
+
+
+def test_fine_copies_magnify_and_clip_differences():
+    spec = ObservationSpec(("block",), (Part(0, "position"), Part(0, "position", True)), ((0, 1),), (0.05, 0.01))
+    fitted = spec.fitted(layout(1), np.array([[0, 0, 0.0, 0, 0, 0], [0, 0, 1.0, 1, 1, 1.0]]), np.zeros((2, 1), np.int64))
+    inputs = Encoder(fitted, layout(1))(np.array([[0, 0, 0.5, 0.5, 0.51, 0.5 - 1.0]]), np.zeros((1, 1), np.int64))
+    np.testing.assert_allclose(inputs[0, 6:], [-0.2, FINE_CLIP, -1.0, FINE_CLIP], rtol=1e-5)
+
+
+def test_fitted_features_have_mean_zero_and_spread_one():
+    rng = np.random.default_rng(0)
+    states, entities = rng.normal(3, 2, (500, 10)), rng.integers(2, size=(500, 1))
+    spec = observation_spec(HOLD, {"b": "block"}, layout(2)).fitted(layout(2), states, entities)
+    inputs = Encoder(spec, layout(2))(states, entities)[:, :6]
+    np.testing.assert_allclose(inputs.mean(axis=0), 0, atol=1e-5)
+    np.testing.assert_allclose(inputs.std(axis=0), 1, atol=1e-3)
+
+
+def test_a_constant_feature_does_not_explode():
+    spec = observation_spec(HOLD, {"b": "block"}, layout(1)).fitted(layout(1), np.ones((9, 6)), np.zeros((9, 1), int))
+    assert np.isfinite(Encoder(spec, layout(1))(np.zeros((1, 6)), np.zeros((1, 1), int))).all()
+
+
+def test_attributes_of_other_units_are_left_out_unless_asked_for():
+    fast = Attribute("velocity", ("vx", "vy"), "m/s")
+    place = Attribute("position", ("x", "y"))
+    wide = Layout(ObjectType("EE", (place, fast)), (ObjectType("block", (place, fast), (place,)),))
+    assert all(part.attribute == "position" for part in observation_spec(HOLD, {"b": "block"}, wide).parts)
+    more = observation_spec(HOLD, {"b": "block"}, wide, ("m", "m/s"))
+    assert Part(ROBOT, "velocity") in more.parts
+    assert more.pairs == ((0, 2),), "velocities are not subtracted"
+
+
+def test_size_counts_what_the_network_is_given():
+    spec = observation_spec(AT, {"b": "block"}, layout(1)).fitted(layout(1), np.zeros((3, 6)), np.zeros((3, 1), int))
+    encoder = Encoder(spec, layout(1))
+    assert encoder(np.zeros((3, 6)), np.zeros((3, 1), int)).shape == (3, encoder.size)
+    assert encoder.size == 3 * 2 + 3 * 2 * (1 + len(spec.fine))
+
+
+def test_json_round_trip():
+    spec = observation_spec(AT, {"b": "block"}, layout(2)).fitted(layout(2), STATE, np.array([[1]]))
+    assert ObservationSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [{"mean": ["a"]}, {"parts": [[0, "position"]]}, {"pairs": [[0, "1"]]}, {"types": "block"}, {"std": [float("nan")]}],
+)
+def test_damaged_json_is_refused(damage: dict[str, object]):
+    spec = observation_spec(AT, {"b": "block"}, layout(1)).to_json()
+    with pytest.raises(ArtifactError, match="observation spec"):
+        ObservationSpec.from_json(spec | damage)
+
+
+def test_missing_field_is_refused():
+    with pytest.raises(ArtifactError, match="types"):
+        ObservationSpec.from_json({})

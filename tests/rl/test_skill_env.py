@@ -1,0 +1,150 @@
+"""A skill's environment: what ends an attempt, what is paid, where it starts."""
+
+import numpy as np
+import pytest
+from carry_world import AT, HOLD, PROGRAM, Carry, Direct
+
+from roboscribe.dsl.syntax import Solved
+from roboscribe.rl.pool import StartPool
+from roboscribe.rl.skill_env import SkillEnv, evaluate_skill
+from roboscribe.rl.starts import Prefix, collect_starts
+from roboscribe.rl.subtask import Subtask
+
+TASK = Carry()
+GAMMA = 0.9
+
+
+def pool(states: np.ndarray, elapsed: int = 0) -> StartPool:
+    count = len(states)
+    snapshots = np.concatenate([states, np.zeros((count, 1))], axis=1)
+    return StartPool(
+        snapshots, states, np.zeros((count, 1), np.int64), np.full(count, elapsed), np.arange(count, dtype=np.int64)
+    )
+
+
+def env(subtask: Subtask, states: np.ndarray, elapsed: int = 0) -> SkillEnv:
+    made = SkillEnv(subtask, pool(states, elapsed), 1, GAMMA, np.random.default_rng(0))
+    made.restart()
+    return made
+
+
+def hold(limit: int = 20, **options: object) -> Subtask:
+    return Subtask(TASK, HOLD, ("b",), limit, **options)
+
+
+FAR = np.array([[0.0, 0.0, 0.2, 0.0, 0.3, 0.3]])
+ON_IT = np.array([[0.0, 0.0, 0.01, 0.0, 0.3, 0.3]])
+STILL = np.zeros((1, 2))
+
+
+def test_reward_is_margin_plus_bonus_while_it_holds():
+    far = env(hold(scales={str(HOLD.left): 0.5}), FAR).step(np.array([[1.0, 0.0]]))
+    assert far.reward[0] == pytest.approx((1 - GAMMA) * (0.04 - 0.15) / 0.5)
+    near = env(hold(), ON_IT).step(STILL)
+    assert near.reward[0] == pytest.approx((1 - GAMMA) * (0.04 - 0.01 + 1))
+
+
+def test_success_needs_three_steps_in_a_row_and_is_paid_like_holding_for_ever():
+    started_on_it = env(hold(), ON_IT)
+    first, second = started_on_it.step(STILL), started_on_it.step(STILL)
+    assert not first.terminated[0]
+    assert second.terminated[0]
+    assert second.succeeded[0]
+    assert second.reward[0] == pytest.approx(first.reward[0] + 1)
+
+
+def test_step_limit_truncates_without_success():
+    slow = env(hold(limit=2), FAR)
+    assert not slow.step(STILL).truncated[0]
+    outcome = slow.step(STILL)
+    assert outcome.truncated[0]
+    assert not outcome.terminated[0]
+    np.testing.assert_array_equal(outcome.final, FAR)
+
+
+def test_the_episodes_horizon_bounds_the_attempt():
+    late = env(hold(limit=20), FAR, elapsed=TASK.horizon - 1)
+    assert late.step(STILL).truncated[0]
+
+
+def test_divergence_ends_as_a_failure_that_costs():
+    edge = env(hold(), np.array([[0.99, 0.0, 0.2, 0.0, 0.3, 0.3]]))
+    outcome = edge.step(np.array([[1.0, 0.0]]))
+    assert outcome.terminated[0]
+    assert not outcome.succeeded[0]
+    assert outcome.reward[0] < -1
+
+
+def test_the_last_skill_goes_on_until_the_task_is_solved():
+    last = Subtask(TASK, AT, ("b",), 20, maintain=True)
+    almost = np.array([[0.23, 0.3, 0.23, 0.3, 0.3, 0.3]])
+    made = env(last, almost)
+    for _ in range(4):
+        assert not made.step(STILL).terminated[0], "at holds, but the task is not solved"
+    assert made.step(np.array([[1.0, 0.0]])).succeeded[0], "one step solves it; no confirmation is asked"
+
+
+def test_the_opaque_goal_pays_one_when_solved():
+    made = env(Subtask(TASK, Solved(), ("b",), 20), np.array([[0.23, 0.3, 0.23, 0.3, 0.3, 0.3]]))
+    assert made.step(STILL).reward[0] == 0
+    outcome = made.step(np.array([[1.0, 0.0]]))
+    assert outcome.succeeded[0]
+    assert outcome.reward[0] > 1
+
+
+def test_rows_that_end_start_again_from_the_pool():
+    made = env(hold(limit=1), FAR)
+    made.step(np.array([[0.0, 1.0]]))
+    np.testing.assert_array_equal(made.states, FAR)
+
+
+def test_evaluation_visits_every_start_once_whatever_the_batch():
+    starts = np.random.default_rng(0).uniform(-0.3, 0.3, (23, 6))
+    worlds = [TASK.world(batch) for batch in (1, 4, 23)]
+    found = [evaluate_skill(hold(limit=9), pool(starts), Direct(carry=False), world) for world in worlds]
+    for evaluation in found:
+        np.testing.assert_array_equal(evaluation.final, found[0].final)
+        np.testing.assert_array_equal(evaluation.success, found[0].success)
+        assert evaluation.control_steps == found[0].control_steps
+    near = np.linalg.norm(starts[:, :2] - starts[:, 2:4], axis=1) < 0.2
+    assert found[0].success[near].all()
+
+
+def test_starts_of_the_first_skill_are_the_initial_states():
+    prefix = Prefix(PROGRAM, 0, {}, {})
+    found, steps = collect_starts(prefix, TASK, 6, np.arange(20), np.random.default_rng(0), batch=4)
+    assert steps == 0
+    assert len(found) == 6
+    np.testing.assert_array_equal(found.states, TASK.world(6).reset(np.arange(6), np.arange(6)))
+
+
+def test_starts_of_the_second_skill_are_where_the_first_has_arrived():
+    prefix = Prefix(PROGRAM, 1, {"hold": Direct(carry=False)}, {})
+    found, steps = collect_starts(prefix, TASK, 8, np.arange(20), np.random.default_rng(0), batch=4)
+    assert len(found) == 8
+    assert steps >= found.elapsed.sum()
+    assert (np.linalg.norm(found.states[:, :2] - found.states[:, 2:4], axis=1) < 0.04).all()
+    assert (found.elapsed >= 2).all(), "hold is confirmed over three observations"
+    again = TASK.world(8).load(np.arange(8), found.snapshots)
+    np.testing.assert_array_equal(again, found.states)
+
+
+def test_a_prefix_that_never_arrives_gives_an_empty_pool():
+    class Idle:
+        def act(self, states: np.ndarray, entities: np.ndarray) -> np.ndarray:
+            return np.zeros((len(states), 2))
+
+    starts = TASK.world(40).reset(np.arange(40), np.arange(40))
+    far = np.flatnonzero(np.linalg.norm(starts[:, :2] - starts[:, 2:4], axis=1) > 0.04)[:5]
+    found, _ = collect_starts(Prefix(PROGRAM, 1, {"hold": Idle()}, {}), TASK, 4, far, np.random.default_rng(0))
+    assert len(found) == 0
+    assert found.entities.shape == (0, 1)
+
+
+def test_pool_caps_splits_and_joins_by_episode():
+    starts = pool(np.random.default_rng(0).uniform(size=(6, 6)))
+    repeated = starts.take(np.array([0, 0, 0, 1, 2, 2]))
+    np.testing.assert_array_equal(repeated.capped(2).episode, [0, 0, 1, 2, 2])
+    held, rest = repeated.split(1)
+    assert (len(held), len(rest)) == (3, 3)
+    np.testing.assert_array_equal(held.joined(rest).episode, [0, 0, 0, 2, 3, 3])
