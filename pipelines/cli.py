@@ -221,7 +221,8 @@ def main() -> None:
 
 def _refuse(message: str) -> int:
     """Print one line on standard error; returns the exit code of bad input."""
-    sys.stderr.write(f"error: {message}\n")
+    if message:
+        sys.stderr.write(f"error: {message}\n")
     return BAD_INPUT
 
 

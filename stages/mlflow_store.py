@@ -248,6 +248,8 @@ def follow(directory: Path, mlruns: Path) -> int:
             os.execv(sys.executable, [sys.executable, "-m", "stages.mlflow_store", str(directory), str(mlruns)])
         try:
             if copier is None:
+                import matplotlib.figure  # noqa: F401 - takes a second, better now than at the run's end
+
                 copier = open_copier(directory, mlruns)
                 identity = store_identity(mlruns)
             copier.copy()

@@ -13,7 +13,7 @@ from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json, indented_json
 from roboscribe.rl.config import TrainConfig
-from roboscribe.subtask_tree import Tree
+from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.synthesize import Outcome, Steps
 from roboscribe.world.layout import FloatArray
 from stages import classify, generate, roll_out, skills, train, update_tree, validate
@@ -131,9 +131,10 @@ class Staged:
         new = [name for name, ground in grounds.items() if library.grounds.get(name) != ground]
         stale = tuple(name for name in new if name in library.grounds)
         setting = self.setting
-        config = train.Config(setting.task, setting.seed, setting.training, setting.scripted, stale)
+        config = train.Config(setting.task, goal, setting.seed, setting.training, setting.scripted, stale, goal == ROOT)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
-        out = self.call(f"train {', '.join(new) or 'nothing new'}", train.STAGE, config, inputs)
+        label = f"train {', '.join(new)}" if new else f"improve {', '.join(grounds)} for {goal}"
+        out = self.call(label, train.STAGE, config, inputs)
         self.tell(Trained(goal, tuple(read_json(out / train.REPORTS)), out / METRICS))
         return Library(out, {**library.grounds, **grounds})
 
@@ -188,7 +189,7 @@ class Staged:
 
 
 def _ground(tree: Tree, controller: str) -> Json:
-    """Describe what a controller follows on: its node's predecessors, and whether it recurs."""
-    known = any(node.name == controller for node in tree.nodes)
+    """Describe what a controller follows on: its node's predecessors, and whether it is part of a loop."""
     before: list[Json] = [node.name for node in tree.predecessors(controller)]
-    return [before, known and tree.node(controller).circular]
+    loops = [node.name for node in tree.nodes if node.circular]
+    return [before, any(controller in (name, *(node.name for node in tree.below(name))) for name in loops)]

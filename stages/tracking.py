@@ -157,18 +157,24 @@ class Tracker:
             assert isinstance(time, int)
             self._curve(str(row["controller"]), {k: float(str(v)) for k, v in figures.items()}, step, time)
         for report in reports:
-            name = f"controller {report['controller']}"
+            name = self._training(report["controller"])
             self._params(name, {"kind": "controller", "subject": report["controller"], "learner": report["learner"]})
             steps = report["control_steps"]
             final = {"success": report["success"], "env_steps": steps, "episodes": report["starts"]}
             self._metrics(name, {**final, "warm_success": report["warm_success"]}, steps)
             self._note(name, "status", "status", "FINISHED")
+            self._count(f"controller {report['controller']}")
 
     def _curve(self, controller: str, metrics: Mapping[str, float], step: int, time: int) -> None:
-        name = f"controller {controller}"
+        name = self._training(controller)
         for key, value in metrics.items():
             point: Record = {"run": name, "kind": "metric", "key": f"curve/{key}", "value": value}
             self._append({**point, "step": step, "time": time})
+
+    def _training(self, controller: str) -> str:
+        """Name the run of a controller's present training; one that is trained again gets another run."""
+        before = self._counts.get(f"controller {controller}", 0)
+        return f"controller {controller}" if before == 0 else f"controller {controller}, training {before + 1}"
 
     def _refined(self, event: Refined) -> None:
         refinement, name = event.refinement, f"refinement {self._count('refinement')}"

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program, Run
 from roboscribe.envs.point_world import Lookahead, PointTask
@@ -15,10 +14,9 @@ from roboscribe.errors import TaskError
 from roboscribe.io.atomic import Json
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.config import TrainConfig
-from roboscribe.rl.train_program import SkillReport, train_program
-from roboscribe.subtask_tree import Tree
+from roboscribe.rl.train_program import SkillReport, step_limits, train_program
+from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.world.protocols import Task
-from roboscribe.world.trajectory import Trajectory
 from stages import alone
 from stages.journal import Journal
 from stages.progress import Progress, Report, silent
@@ -36,17 +34,21 @@ class Config:
 
     Args:
         task: where.
+        goal: node that the program is to reach.
         seed: decides everything.
         settings: of the learners.
         scripted: take lookahead controllers instead of learned ones; point tasks only.
         afresh: controllers of the library that are to be trained again.
+        solve: whether the program is to bring ψ_R about, not only to reach its end.
     """
 
     task: TaskConfig
+    goal: str = ROOT
     seed: int = 0
     settings: TrainConfig = field(default_factory=TrainConfig)
     scripted: bool = False
     afresh: tuple[str, ...] = ()
+    solve: bool = True
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
@@ -70,21 +72,21 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         (out / PROGRESS).mkdir(exist_ok=True)
         log = _Log(out / METRICS, config.settings, report)
         skills = {name: skill for name, skill in known.items() if not isinstance(skill, Lookahead)}
-        result = train_program(task, program, shown, skills, config.settings, config.seed, log, out / PROGRESS)
+        result = train_program(
+            task,
+            program,
+            shown,
+            skills,
+            config.settings,
+            config.seed,
+            log=log,
+            checkpoints=out / PROGRESS,
+            solve=config.goal == ROOT,
+        )
         grown, reports = result.library, result.reports
     write_library(out, grown)
-    write_json(out / LIMITS, _step_limits(program, shown, task))
+    write_json(out / LIMITS, dict(step_limits(program, shown, task)))
     write_json(out / REPORTS, [asdict(each) for each in reports])
-
-
-def _step_limits(program: Program, shown: Sequence[Trajectory], task: Task) -> dict[str, Json]:
-    """Return each controller's step limit: twice its longest segment in the demonstrations (ruling 12)."""
-    runs = controllers(program)
-    limits: dict[str, Json] = {}
-    for part in (part for trajectory in shown for part in segment(program, trajectory, solved=task.solved)):
-        name = runs[part.run_index].controller
-        limits[name] = max(int(str(limits.get(name, 0))), 2 * (part.stop - part.start))
-    return limits
 
 
 class _Log:

@@ -16,6 +16,16 @@ NOISE = 0.08
 """Standard deviation of the noise on each axis of an action."""
 STAY = 5
 """Control steps shown after success."""
+RADIUS = 0.06
+"""Distance at which a pushing gripper goes round an object, metres."""
+NEAR = 0.075
+"""Distance from an object at which a pushing gripper begins to go round it, metres."""
+TURN = 0.6
+"""Most that it goes round in one step, radians."""
+ASIDE = 0.01
+"""How far beside the line through object and goal it may be and still push, metres."""
+PRESS = 0.02
+"""Distance behind the object's centre at which a pushing gripper aims, metres; less than where they touch."""
 
 
 def demonstrate(task: PointTask, episodes: int, seed: int) -> list[Trajectory]:
@@ -23,32 +33,48 @@ def demonstrate(task: PointTask, episodes: int, seed: int) -> list[Trajectory]:
     kept: list[Trajectory] = []
     attempt = 0
     while len(kept) < episodes:
-        rng = np.random.default_rng([seed, attempt])
-        trajectory = _episode(task, rng)
-        if task.solved(trajectory.states[-1]):
-            kept.append(trajectory)
-        attempt += 1
         if attempt > 4 * episodes + 20:
             msg = f"the demonstrator of {task.name} solved only {len(kept)} of {attempt} episodes"
             raise RuntimeError(msg)
+        wanted = episodes - len(kept)
+        found = _episodes(task, [np.random.default_rng([seed, attempt + i]) for i in range(wanted)])
+        kept += [t for t in found if task.solved(t.states[-1])]
+        attempt += wanted
     return kept
 
 
-def _episode(task: PointTask, rng: np.random.Generator) -> Trajectory:
-    world = task.world(1)
-    row = np.array([0])
-    states = [world.reset(row, rng.integers(2**31, size=1))[0]]
+def _episodes(task: PointTask, rngs: list[np.random.Generator]) -> list[Trajectory]:
+    """One episode per generator, side by side; each stops STAY steps after it is solved, at the latest at the horizon."""
+    world = task.world(len(rngs))
+    seeds = np.concatenate([rng.integers(2**31, size=1) for rng in rngs])
+    states = [world.reset(np.arange(len(rngs)), seeds)]
     actions: list[FloatArray] = []
-    queue = _order(task, states[0], rng)
-    left = STAY
-    while len(actions) < task.horizon and left > 0:
-        action = _act(task, states[-1], queue)
-        noisy = action + NOISE * np.append(rng.standard_normal(2), np.zeros(task.action_size - 2))
-        actions.append(np.clip(noisy, -1.0, 1.0))
-        states.append(world.step(row, actions[-1][None])[0])
-        left -= bool(task.solved(states[-1]))
-    history = np.stack(states)
-    return Trajectory(task.layout, history, np.stack(actions), history)
+    queues = [_order(task, state, rng) for state, rng in zip(states[0], rngs, strict=True)]
+    left = np.full(len(rngs), STAY)
+    lengths = np.zeros(len(rngs), dtype=np.int64)
+    while len(actions) < task.horizon and (left > 0).any():
+        rows = np.flatnonzero(left > 0)
+        command = np.zeros((len(rngs), task.action_size))
+        command[rows] = [_noisy(_act(task, states[-1][row], queues[row]), rngs[row]) for row in rows]
+        actions.append(command)
+        states.append(states[-1].copy())
+        states[-1][rows] = world.step(rows, command[rows])
+        lengths[rows] += 1
+        left[rows] -= task.solved(states[-1][rows])
+    return [_cut(task, states, actions, row, int(length)) for row, length in enumerate(lengths)]
+
+
+def _noisy(action: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Disturb the displacement, not the fingers."""
+    noise = NOISE * np.append(rng.standard_normal(2), np.zeros(len(action) - 2))
+    return np.clip(action + noise, -1.0, 1.0)
+
+
+def _cut(
+    task: PointTask, states: list[FloatArray], actions: list[FloatArray], row: int, length: int
+) -> Trajectory:
+    history = np.stack([state[row] for state in states[: length + 1]])
+    return Trajectory(task.layout, history, np.stack([action[row] for action in actions[:length]]), history)
 
 
 def _order(task: PointTask, state: FloatArray, rng: np.random.Generator) -> list[int]:
@@ -89,20 +115,22 @@ def _grasp_and_carry(layout: Layout, state: FloatArray, entity: int) -> FloatArr
 
 
 def _push(layout: Layout, state: FloatArray, entity: int) -> FloatArray:
-    """Go round the object to the side away from its goal, then push."""
+    """Come near the object, go round it to the side away from its goal, then push."""
     hand = state[layout.columns[ROBOT, "position", False]]
     thing = state[layout.columns[entity, "position", False]]
     missing = _error(layout, state, entity)
     along = missing / max(1e-9, float(np.linalg.norm(missing)))
     offset = hand - thing
     behind = float(-offset @ along)
-    aside = offset + behind * along
-    if behind > 0.0 and np.linalg.norm(aside) < 0.008:
-        return _towards(thing - 0.02 * along - hand)
-    target = thing - 0.07 * along
-    if behind < 0.05 and np.linalg.norm(aside) < 0.06:
-        side = aside / max(1e-9, float(np.linalg.norm(aside))) if np.linalg.norm(aside) > 1e-6 else along[::-1]
-        target = thing + 0.08 * side - 0.07 * along
+    aside = float(np.linalg.norm(offset + behind * along))
+    if behind > 0.0 and aside < ASIDE:
+        return _towards(thing - PRESS * along - hand)
+    here = np.arctan2(offset[1], offset[0])
+    turn = 0.0
+    if np.linalg.norm(offset) < NEAR:
+        there = np.arctan2(-along[1], -along[0])
+        turn = float(np.clip((there - here + np.pi) % (2 * np.pi) - np.pi, -TURN, TURN))
+    target = thing + RADIUS * np.array([np.cos(here + turn), np.sin(here + turn)])
     return _towards(target - hand)
 
 

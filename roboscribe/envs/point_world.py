@@ -101,6 +101,8 @@ class PointTask:
         state = np.zeros(layout.size)
         free = [i for i, k in enumerate(self.kinds) if k != "drawer"]
         places = _scattered(rng, 2 * len(free) + 1)
+        while not self.fingers and _behind(places, len(free)):
+            places = _scattered(rng, 2 * len(free) + 1)
         state[layout.columns[ROBOT, "position", False]] = places[-1]
         state[layout.columns[ROBOT, "opening", False]] = 1.0
         goals = self._stack(rng, len(free)) if self.goals == "stack" else places[len(free) : -1]
@@ -128,6 +130,12 @@ def _scattered(rng: np.random.Generator, count: int) -> FloatArray:
         if all(np.linalg.norm(point - other) > CLEARANCE for other in points):
             points.append(point)
     return np.stack(points)
+
+
+def _behind(places: FloatArray, count: int) -> bool:
+    """Whether the gripper (last) starts behind one of `count` objects, as seen from its goal: half of pushing it."""
+    to_goal, to_hand = places[count:-1] - places[:count], places[-1] - places[:count]
+    return bool((np.einsum("ni,ni->n", to_goal, to_hand) < 0.0).any())
 
 
 class PointWorld:

@@ -52,8 +52,9 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
     """Fit a skill's network to demonstrated actions, yielding it at several numbers of gradient steps.
 
     The loss is the Gaussian log-likelihood of the pre-tanh action with a predicted, state-dependent variance: frames
-    on which demonstrators disagree weigh less, which a squared error cannot do. Training loss says little about the
-    success of the clone, so the caller chooses among the yielded skills by rollouts.
+    on which demonstrators disagree weigh less, which a squared error cannot do. Noise on the normalised inputs keeps
+    a clone from hanging where no demonstration has been. Training loss says little about the success of the clone, so
+    the caller chooses among the yielded skills by rollouts.
 
     Args:
         skill: gives spec, layout and sizes; its weights are not used.
@@ -78,7 +79,8 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
     stops = {config.steps * (config.checkpoints + 1 + rank) // (2 * config.checkpoints) for rank in range(config.checkpoints)}
     for step in range(1, config.steps + 1):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
-        loss = gaussian_loss(network(inputs[batch]), targets[batch], config.least_log_std)
+        blurred = inputs[batch] + config.input_noise * torch.randn(config.batch, inputs.shape[1], generator=generator)
+        loss = gaussian_loss(network(blurred), targets[batch], config.least_log_std)
         optimizer.zero_grad()
         torch.autograd.backward(loss)
         nn.utils.clip_grad_norm_(network.parameters(), 10.0)

@@ -20,7 +20,9 @@ class CloneConfig:
         hidden: units of each hidden layer.
         limit: pre-tanh actions are clipped to ± this.
         least_log_std: lower clip of the predicted log standard deviation, pre-tanh.
+        input_noise: standard deviation of the noise on normalised inputs.
         extra_frames: frames taken beyond the one on which φ is first true.
+        attempts: seeds tried until a clone reaches the target.
     """
 
     steps: int = 1500
@@ -30,7 +32,9 @@ class CloneConfig:
     hidden: tuple[int, ...] = (128, 128)
     limit: float = 2.5
     least_log_std: float = -3.0
-    extra_frames: int = 3
+    input_noise: float = 0.3
+    extra_frames: int = 8
+    attempts: int = 2
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,7 @@ class PoolConfig:
     Args:
         starts: starts to collect for training.
         evaluation: held-out starts for evaluation.
+        opaque: either, for the cheap attempt on ψ_R itself.
         attempts: episodes run at most, per start asked for.
         per_episode: cap per episode.
         batch: rows stepped at once.
@@ -130,6 +135,7 @@ class PoolConfig:
 
     starts: int = 256
     evaluation: int = 200
+    opaque: int = 32
     attempts: int = 3
     per_episode: int = 4
     batch: int = 64
@@ -145,13 +151,19 @@ class TrainConfig:
         budget: control steps that may be spent on one skill's reinforcement learning.
         opaque_budget: the same for an attempt on ψ_R itself.
         confirm: consecutive steps for which a subgoal must hold.
+        screening: episodes that tell whether the last skill of a program is worth improving for ψ_R.
+        worth_improving: share of them that must succeed.
+        blind_noise: exploration, pre-tanh, of an attempt on ψ_R itself.
     """
 
     profile: Profile = "actions"
-    target: float = 0.99
+    target: float = 0.995
     budget: int = 100_000
     opaque_budget: int = 10_000
     confirm: int = 3
+    screening: int = 32
+    worth_improving: float = 0.5
+    blind_noise: float = 0.5
     pool: PoolConfig = field(default_factory=PoolConfig)
     clone: CloneConfig = field(default_factory=CloneConfig)
     inverse: InverseConfig = field(default_factory=InverseConfig)

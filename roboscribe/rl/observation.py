@@ -23,7 +23,9 @@ from roboscribe.errors import ArtifactError
 from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout
 
 DEFAULT_UNITS = ("m", "rad", "1")
-"""Units of the attributes a controller sees: positions, openings, angles; no velocities, no quaternions."""
+"""Units of the attributes a controller sees: positions, openings, angles; no quaternions."""
+ROBOT_UNITS = (*DEFAULT_UNITS, "m/s")
+"""The same for the robot: its own velocity was measured to lift clones from 96 to 99 %."""
 FINE_SCALES = (0.05, 0.01)
 """Scales in metres of the clipped copies of small differences."""
 FINE_CLIP = 2.0
@@ -133,7 +135,11 @@ def _numbers(value: object) -> tuple[float, ...]:
 
 
 def observation_spec(
-    run: Run, types: Mapping[str, str], layout: Layout, units: Sequence[str] = DEFAULT_UNITS
+    run: Run,
+    types: Mapping[str, str],
+    layout: Layout,
+    units: Sequence[str] = DEFAULT_UNITS,
+    robot_units: Sequence[str] = ROBOT_UNITS,
 ) -> ObservationSpec:
     """Build the spec of a controller from its arguments; `fitted` completes it.
 
@@ -141,7 +147,8 @@ def observation_spec(
         run: its arguments are μ, variables and goals of variables.
         types: type of each variable.
         layout: declares the attributes.
-        units: attributes of other units are not seen.
+        units: attributes of entities in other units are not seen.
+        robot_units: the same for the robot.
 
     Returns:
         Attributes in order of the arguments, and the difference of every two positions (unit m) named alike.
@@ -152,7 +159,8 @@ def observation_spec(
         slot = ROBOT if isinstance(arg, Robot) else names.index(arg.name if isinstance(arg, Var) else arg.of.name)
         kind = layout.robot if isinstance(arg, Robot) else layout.types[types[names[slot]]]
         goal = isinstance(arg, Goal)
-        seen += [(Part(slot, a.name, goal), a) for a in kind.described(goal) if a.unit in units]
+        shown = robot_units if slot == ROBOT else units
+        seen += [(Part(slot, a.name, goal), a) for a in kind.described(goal) if a.unit in shown]
     alike = [
         (i, j) for (i, (_, a)), (j, (_, b)) in combinations(enumerate(seen), 2) if a.name == b.name and a.unit == "m"
     ]

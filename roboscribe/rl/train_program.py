@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 from zlib import crc32
 
 import numpy as np
 
-from roboscribe.dsl.interpreter import Segment, segment
+from roboscribe.dsl.interpreter import Segment, execute, segment
 from roboscribe.dsl.rewrite import controllers, run_variables, walk
 from roboscribe.dsl.semantics import evaluate
 from roboscribe.dsl.syntax import Get, Program, Run, Seq, Solved
 from roboscribe.errors import ArtifactError
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
-from roboscribe.rl.clone import Samples, clone, initial_skill
+from roboscribe.rl.clone import Samples, initial_skill
 from roboscribe.rl.config import TrainConfig
-from roboscribe.rl.observation import observation_spec
+from roboscribe.rl.inverse_dynamics import ALL_UNITS
+from roboscribe.rl.observation import ObservationSpec, observation_spec
 from roboscribe.rl.pool import StartPool
-from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.ppo import Learned, LearnerTask, Log, train_ppo
+from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import evaluate_skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Subtask
-from roboscribe.world.protocols import Task
+from roboscribe.rl.warm_start import Frames, best_of, candidates, frames_of, inferred, joined
+from roboscribe.world.protocols import Task, World
 from roboscribe.world.trajectory import Trajectory
 
 ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
@@ -43,7 +47,7 @@ class SkillReport:
 
     Args:
         controller: its name.
-        learner: what gave the weights that were kept: "clone", "ppo", "sac" or "initial".
+        learner: what gave the weights that were kept: "kept" from before, "clone", "ppo", "sac" or "initial".
         starts: start states found for training; 0 where the program never got there.
         warm_success: success on held-out starts before reinforcement learning.
         success: success of what was kept.
@@ -83,6 +87,13 @@ class _Setting:
     seed: int
     log: ProgramLog
     checkpoints: Path | None
+    solve: bool
+
+    def ends_with(self, run: Run) -> bool:
+        """Tell whether `run` is the last statement of a program that is to bring ψ_R about, not only its own φ."""
+        body = self.program.body
+        last = body.parts[-1] if isinstance(body, Seq) and body.parts else body
+        return self.solve and last is run and not isinstance(run.until, Solved)
 
     def draw(self, name: str) -> np.random.Generator:
         """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
@@ -102,6 +113,7 @@ def train_program(
     seed: int,
     log: ProgramLog = quiet,
     checkpoints: Path | None = None,
+    solve: bool = True,
 ) -> TrainingResult:
     """Learn every controller that the library lacks, in textual order.
 
@@ -116,6 +128,8 @@ def train_program(
         config: settings.
         seed: decides everything.
         log: receives metrics by controller.
+        solve: whether the program is to bring ψ_R about; its last skill then acts on after its own φ, and is improved
+            for that where it falls short. Otherwise reaching the program's end is all.
         checkpoints: directory for progress; finished skills found there are not learned again.
 
     Returns:
@@ -127,14 +141,31 @@ def train_program(
         purpose.
     """
     segments = [segment(program, demonstration, solved=task.solved) for demonstration in demonstrations]
-    setting = _Setting(task, program, demonstrations, segments, config, seed, log, checkpoints)
+    setting = _Setting(task, program, demonstrations, segments, config, seed, log, checkpoints, solve)
     skills, reports = dict(library), []
     for rank, run in enumerate(controllers(program)):
         if run.controller not in skills:
-            skill, report = _learn(setting, rank, run, skills)
-            skills[run.controller] = skill
+            skills[run.controller], report = _learn(setting, rank, run, skills)
+            reports.append(report)
+        elif setting.ends_with(run):
+            skills[run.controller], report = _improve(setting, rank, run, skills)
             reports.append(report)
     return TrainingResult(skills, tuple(reports))
+
+
+def _improve(setting: _Setting, rank: int, run: Run, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
+    """Improve the last skill for ψ_R where the program solves the task often enough for that to be worth while.
+
+    Otherwise a subgoal is missing, and the last skill, which acts on until ψ_R, is not to blame.
+    """
+    config, seeds = setting.config, setting.draw("screening").integers(2**31, size=setting.config.screening)
+    limits = _limits(setting.program, setting.segments)
+    screened = execute(setting.program, skills, setting.task, seeds, limits=limits, confirm=config.confirm)
+    rate, steps = float(screened.success.mean()), screened.control_steps
+    if rate < config.worth_improving:
+        return skills[run.controller], SkillReport(run.controller, "kept", 0, rate, rate, steps)
+    skill, report = _learn(setting, rank, run, skills)
+    return skill, replace(report, control_steps=report.control_steps + steps)
 
 
 def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Task) -> dict[str, int]:
@@ -164,8 +195,9 @@ def _limits(program: Program, segments: Sequence[tuple[Segment, ...]]) -> dict[s
 
 def _learn(setting: _Setting, rank: int, run: Run, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
     """Learn one skill, or read it from its checkpoint."""
-    finished = None if setting.checkpoints is None else setting.checkpoints / f"{run.controller}.safetensors"
-    identity = {"controller": run.controller, "until": str(run.until), "seed": setting.seed}
+    name = f"{run.controller}.last" if setting.ends_with(run) else run.controller
+    finished = None if setting.checkpoints is None else setting.checkpoints / f"{name}.safetensors"
+    identity = {"controller": run.controller, "until": str(run.until), "seed": setting.seed, "last": setting.ends_with(run)}
     if finished is not None and finished.exists():
         return _read(finished, identity, setting.task)
     skill, report = _train(setting, rank, run, skills)
@@ -180,39 +212,60 @@ def _train(setting: _Setting, rank: int, run: Run, skills: Mapping[str, Skill]) 
     fresh = _fresh_skill(setting, rank, run, pool)
     if not len(pool):
         return fresh, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
-    subtask = _subtask(setting, rank, run, pool)
-    world = setting.task.world(min(setting.config.pool.batch, len(held_out)))
+    subtask = _subtask(setting, rank, run)
+    world = setting.task.world(setting.config.pool.batch)
 
     def success(skill: Skill) -> float:
         return evaluate_skill(subtask, held_out, skill, world).rate
 
-    warm, warm_success, learner = _warm_start(setting, rank, run, fresh, success)
-    setting.log(run.controller, {"warm_success": warm_success}, spent + world.control_steps)
-    budget = setting.config.opaque_budget if subtask.opaque else setting.config.budget
-    spent_warm = spent + world.control_steps
+    warm, warm_success, learner = _warm_start(setting, rank, run, fresh, skills, success, world)
+    log = partial(_shifted, setting.log, run.controller, spent)
+    log({"warm_success": warm_success}, world.control_steps)
+    report = SkillReport(run.controller, learner, len(pool), warm_success, warm_success, spent + world.control_steps)
     if warm_success >= setting.config.target:
-        report = SkillReport(run.controller, learner, len(pool), warm_success, warm_success, spent_warm)
         return warm, report
+    budget = setting.config.opaque_budget if subtask.opaque else setting.config.budget
     task = LearnerTask(subtask, pool, success, setting.config.target, budget)
-    progress = None if setting.checkpoints is None else setting.checkpoints / f"{run.controller}.ppo.safetensors"
-    learned = train_ppo(
-        warm,
-        warm_success,
-        task,
-        setting.config.ppo,
-        setting.seed_of(f"{run.controller} ppo"),
-        lambda metrics, step: setting.log(run.controller, metrics, spent + step),
-        progress,
+    learned = _reinforce(setting, run, warm, warm_success, task, log)
+    better = learned.success > warm_success
+    return learned.skill if better else warm, replace(
+        report,
+        learner=_learner(setting.config) if better else learner,
+        success=max(learned.success, warm_success),
+        control_steps=spent + world.control_steps + learned.control_steps,
     )
-    if learned.success > warm_success:
-        learner = "ppo"
-    steps = spent + world.control_steps + learned.control_steps
-    return learned.skill, SkillReport(run.controller, learner, len(pool), warm_success, learned.success, steps)
+
+
+def _shifted(log: ProgramLog, controller: str, spent: int, metrics: Mapping[str, float], step: int) -> None:
+    """Log under a controller's name, counting on from the steps spent before."""
+    log(controller, metrics, spent + step)
+
+
+def _learner(config: TrainConfig) -> str:
+    return "sac" if config.profile == "paper" else "ppo"
+
+
+def _reinforce(
+    setting: _Setting, run: Run, warm: Skill, success: float, task: LearnerTask, log: Log
+) -> Learned:
+    """Learn by reinforcement, from the warm start by PPO or from scratch by SAC.
+
+    An attempt on ψ_R itself is PPO in every profile: it has no time for a replay buffer, and nothing to lose.
+    """
+    config, seed = setting.config, setting.seed_of(f"{run.controller} {_learner(setting.config)}")
+    if config.profile == "paper" and not task.subtask.opaque:
+        return train_sac(warm, task, config.sac, seed, log)
+    settings = replace(config.ppo, critic_iterations=0, noise=config.blind_noise) if task.subtask.opaque else config.ppo
+    name = f"{run.controller}.last" if setting.ends_with(run) else run.controller
+    progress = None if setting.checkpoints is None else setting.checkpoints / f"{name}.ppo.safetensors"
+    return train_ppo(warm, success, task, settings, seed, log, progress)
 
 
 def _pools(setting: _Setting, rank: int, run: Run, skills: Mapping[str, Skill]) -> tuple[StartPool, StartPool, int]:
     """Collect held-out starts, starts for training, and the control steps that took."""
     config, rng = setting.config.pool, setting.draw(f"{run.controller} starts")
+    if isinstance(run.until, Solved):
+        config = replace(config, starts=config.opaque, evaluation=config.opaque)
     prefix = Prefix(setting.program, rank, skills, _limits(setting.program, setting.segments), setting.config.confirm)
     wanted = config.starts + config.evaluation
     seeds = rng.integers(2**31, size=config.attempts * wanted)
@@ -223,7 +276,7 @@ def _pools(setting: _Setting, rank: int, run: Run, skills: Mapping[str, Skill]) 
     return held_out, pool, steps
 
 
-def _subtask(setting: _Setting, rank: int, run: Run, pool: StartPool) -> Subtask:
+def _subtask(setting: _Setting, rank: int, run: Run) -> Subtask:
     """Say what is asked of the skill: its step limit and the units of its reward come from the demonstrations."""
     limits = _limits(setting.program, setting.segments)
     return Subtask(
@@ -232,15 +285,9 @@ def _subtask(setting: _Setting, rank: int, run: Run, pool: StartPool) -> Subtask
         variables=run_variables(run),
         limit=limits.get(run.controller, setting.task.horizon),
         confirm=setting.config.confirm,
-        maintain=_ends(setting.program, run),
+        maintain=setting.ends_with(run),
         scales=_scales(setting, rank, run),
     )
-
-
-def _ends(program: Program, run: Run) -> bool:
-    """Tell whether a controller is the program's last statement: it is to bring ψ_R about, not only its own φ."""
-    last = program.body.parts[-1] if isinstance(program.body, Seq) and program.body.parts else program.body
-    return last is run and not isinstance(run.until, Solved)
 
 
 def _scales(setting: _Setting, rank: int, run: Run) -> dict[str, float]:
@@ -259,28 +306,31 @@ def _scales(setting: _Setting, rank: int, run: Run) -> dict[str, float]:
     return {text: spread for text, spread in spreads.items() if spread > 0}
 
 
-def _frames(setting: _Setting, rank: int, run: Run, beyond: int) -> Samples:
-    """Cut the frames of one controller out of the demonstrations, and a few beyond φ; actions are NaN where absent."""
-    states = [np.zeros((0, setting.task.layout.size))]
-    actions = [np.zeros((0, setting.task.action_size))]
-    entities = [np.zeros((0, len(run_variables(run))), np.int64)]
-    for demonstration, parts in zip(setting.demonstrations, setting.segments, strict=True):
-        for part in (part for part in parts if part.run_index == rank):
-            stop = min(part.stop + beyond, len(demonstration) - 1)
-            states.append(demonstration.states[part.start : stop])
-            unknown = np.full((stop - part.start, setting.task.action_size), np.nan)
-            actions.append(unknown if demonstration.actions is None else demonstration.actions[part.start : stop])
-            entities.append(np.tile(np.array(part.entities, np.int64), (stop - part.start, 1)))
-    return Samples(np.concatenate(states), np.concatenate(entities), np.concatenate(actions))
+def _frames(setting: _Setting, rank: int, beyond: int) -> Frames | None:
+    """Cut the frames of one controller out of the demonstrations, and a few beyond φ; None where there are none."""
+    actions, size = setting.config.profile == "actions", setting.task.action_size
+    found = [
+        frames_of(part, demonstration, beyond, actions, size)
+        for demonstration, parts in zip(setting.demonstrations, setting.segments, strict=True)
+        for part in parts
+        if part.run_index == rank
+    ]
+    return joined(found) if found else None
+
+
+def _spec(setting: _Setting, run: Run, *units: Sequence[str]) -> ObservationSpec:
+    """Return what is seen of a controller's arguments, not yet normalised."""
+    types = {part.var.name: part.type for part in walk(setting.program) if isinstance(part, Get)}
+    return observation_spec(run, types, setting.task.layout, *units)
 
 
 def _fresh_skill(setting: _Setting, rank: int, run: Run, pool: StartPool) -> Skill:
     """Return an untrained skill that sees its arguments, normalised on demonstrated and start states."""
-    types = {part.var.name: part.type for part in walk(setting.program) if isinstance(part, Get)}
-    spec = observation_spec(run, types, setting.task.layout)
-    frames = _frames(setting, rank, run, 0)
-    states = np.concatenate([frames.states, pool.states])
-    fitted = spec.fitted(setting.task.layout, states, np.concatenate([frames.entities, pool.entities]))
+    frames = _frames(setting, rank, 0)
+    states, entities = pool.states, pool.entities
+    if frames is not None:
+        states, entities = np.concatenate([frames.states, states]), np.concatenate([frames.entities, entities])
+    fitted = _spec(setting, run).fitted(setting.task.layout, states, entities)
     return initial_skill(
         Skill(run.controller, fitted, (), setting.task.layout),
         setting.task.action_size,
@@ -290,30 +340,40 @@ def _fresh_skill(setting: _Setting, rank: int, run: Run, pool: StartPool) -> Ski
 
 
 def _warm_start(
-    setting: _Setting, rank: int, run: Run, fresh: Skill, success: Callable[[Skill], float]
+    setting: _Setting,
+    rank: int,
+    run: Run,
+    fresh: Skill,
+    skills: Mapping[str, Skill],
+    success: Callable[[Skill], float],
+    world: World,
 ) -> tuple[Skill, float, str]:
-    """Return a warm start, its success on the held-out starts, and what gave it."""
-    if setting.config.profile == "actions" and not isinstance(run.until, Solved):
-        frames = _frames(setting, rank, run, setting.config.clone.extra_frames)
-        samples = frames.known()
-        if len(samples):
-            return _best_clone(setting, fresh, samples, success)
+    """Return the best of what was known before and of clones, its success, and what gave it."""
+    known, target = skills.get(run.controller), setting.config.target
+    kept = None if known is None else success(known)
+    if known is not None and kept is not None and kept >= target:
+        return known, kept, "kept"
+    samples = _samples(setting, rank, run, fresh, world)
+    cloned = None
+    if samples is not None and len(samples):
+        seed = setting.seed_of(f"{run.controller} clone")
+        cloned = best_of(candidates(fresh, samples, setting.config, seed), success, target)
+    if cloned is not None and (kept is None or cloned[1] > kept):
+        return *cloned, "clone"
+    if known is not None and kept is not None:
+        return known, kept, "kept"
     return fresh, success(fresh), "initial"
 
 
-def _best_clone(
-    setting: _Setting, fresh: Skill, samples: Samples, success: Callable[[Skill], float]
-) -> tuple[Skill, float, str]:
-    """Clone, and choose among the checkpoints by rollouts, latest first; training loss does not tell."""
-    best, best_rate = fresh, -1.0
-    seed = setting.seed_of(f"{fresh.name} clone")
-    for _, candidate in reversed(list(clone(fresh, samples, setting.config.clone, seed))):
-        rate = success(candidate)
-        if rate > best_rate:
-            best, best_rate = candidate, rate
-        if rate >= setting.config.target:
-            break
-    return best, best_rate, "clone"
+def _samples(setting: _Setting, rank: int, run: Run, fresh: Skill, world: World) -> Samples | None:
+    """Return what there is to clone in this profile; actions are inferred where they may not be read."""
+    if setting.config.profile == "paper" or isinstance(run.until, Solved):
+        return None
+    frames = _frames(setting, rank, setting.config.clone.extra_frames)
+    if frames is not None and setting.config.profile == "states":
+        seed = setting.seed_of(f"{run.controller} inverse")
+        frames = inferred(frames, fresh.layout, _spec(setting, run, ALL_UNITS, ALL_UNITS), world, setting.config, seed)
+    return None if frames is None else frames.samples()
 
 
 def _write(path: Path, identity: Mapping[str, object], skill: Skill, report: SkillReport) -> None:
