@@ -10,10 +10,10 @@ from typing import Any
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.rl.config import TrainConfig
 from roboscribe.synthesize import Limits, Solution, roboscribe
-from stages import collect, evaluate, ingest, package
-from stages.events import Evaluated, Failed, Ingested, Listener, Packaged
+from stages import collect, evaluate, film, ingest, package
+from stages.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
+from stages.files import EPISODES, OUTCOME, read_fail, read_json
 from stages.steps import Call, Library, Put, Setting, Staged
-from stages.values import EPISODES, OUTCOME, read_fail, read_json
 from stages.world import DEMONSTRATIONS, TaskConfig
 
 SCRIPTED = "scripted"
@@ -34,6 +34,7 @@ class Plan:
         episodes: episodes of the final evaluation.
         limits: accuracy asked and effort allowed.
         training: settings of the learners, but for the profile.
+        video: whether an episode is filmed.
     """
 
     task: TaskConfig
@@ -45,6 +46,7 @@ class Plan:
     episodes: int = 500
     limits: Limits = field(default_factory=Limits)
     training: TrainConfig = field(default_factory=TrainConfig)
+    video: bool = True
 
 
 @dataclass(frozen=True)
@@ -77,23 +79,27 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
     if isinstance(report, Fail):
         tell(Failed(report.reason))
         return report
-    tell(Ingested(report))
     profile = _profile(plan, report)
+    tell(Ingested(report, profile))
     setting = _setting(plan, profile, shown)
     staged = Staged(setting, call, put, tell)
     solution = roboscribe(staged.steps(), Library(), plan.limits)
     if isinstance(solution, Fail):
         tell(Failed(solution.reason))
         return solution
-    inputs = {"program": staged.program(solution.program), **solution.skills.runnable()}
+    running = {"program": staged.program(solution.program), **solution.skills.runnable()}
     config = evaluate.Config(plan.task, plan.seed, plan.episodes, plan.training.confirm)
-    evaluated = call("evaluate program", evaluate.STAGE, config, inputs)
+    evaluated = call("evaluate program", evaluate.STAGE, config, running)
     figures = read_json(evaluated / OUTCOME)
     tell(Evaluated(figures, evaluated / EPISODES))
     about = package.Config(plan.task, profile, plan.seed, plan.training.confirm, report["digest"])
-    inputs |= {"tree": staged.tree(solution.tree), "outcome": evaluated / OUTCOME}
+    inputs = {**running, "tree": staged.tree(solution.tree), "outcome": evaluated / OUTCOME}
     directory = call("package program", package.STAGE, about, inputs) / package.DIRECTORY
     tell(Packaged(solution.program, solution.tree, directory))
+    if plan.video:
+        scene = film.Config(plan.task, plan.seed, plan.training.confirm)
+        filmed = call("film program", film.STAGE, scene, running)
+        tell(Filmed(next(filmed.glob("rollout.*"))))
     return Synthesized(solution, profile, figures, directory)
 
 

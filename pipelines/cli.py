@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from roboscribe.world.layout import ObjectType
     from stages.progress import Report
 
-SOLVED, BAD_INPUT, FAIL = 0, 2, 3
+SOLVED, BAD_INPUT, FAIL, INTERRUPTED = 0, 2, 3, 130
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""
 
@@ -118,7 +118,8 @@ def synthesize(
 ) -> None:
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
     from pipelines.chain import Plan
-    from pipelines.session import Home, Session
+    from pipelines.home import Home
+    from pipelines.session import Session
     from pipelines.story import Story
     from roboscribe.errors import Fail
     from roboscribe.rl.config import TrainConfig
@@ -153,8 +154,8 @@ def evaluate(
     home: HomeDir = Path(),
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
+    from pipelines.home import Home
     from pipelines.programs import evaluation, open_program, program_directory
-    from pipelines.session import Home
     from stages.evaluate import Config
     from stages.world import TaskConfig
 
@@ -178,15 +179,15 @@ def render(
     home: HomeDir = Path(),
 ) -> None:
     """Write a video of one episode with the line of the program that acts."""
-    from pipelines.programs import film, open_program, program_directory
-    from pipelines.session import Home
+    from pipelines.home import Home
+    from pipelines.programs import open_program, program_directory
+    from stages.film import film
     from stages.world import TaskConfig
 
-    config = TaskConfig(task, contact, timing)
-    made = config.make()
+    made = TaskConfig(task, contact, timing).make()
     _make_room(out)
     with program_directory(program, Home(home).mlruns) as directory, console.status("rendering"):
-        path, solved = film(open_program(directory, made), config, seed, out)
+        path, solved = film(open_program(directory, made), made, seed, out)
     _say(f"{path}: the task is {'solved' if solved else 'not solved'}")
 
 
@@ -196,8 +197,8 @@ def ui(
     home: HomeDir = Path(),
 ) -> None:
     """Show what was tracked in MLflow's interface, on 127.0.0.1 only."""
+    from pipelines.home import Home
     from pipelines.interface import serve
-    from pipelines.session import Home
 
     _say(f"http://127.0.0.1:{port}")
     serve(Home(home), port)
@@ -214,8 +215,10 @@ def main() -> None:
         code = app(standalone_mode=False)
     except typer.exceptions.TyperException as error:
         code = _refuse(error.format_message() if isinstance(error, typer.BadParameter) else str(error))
-    except RoboScribeError as error:
+    except (RoboScribeError, OSError) as error:
         code = _refuse(str(error))
+    if code == INTERRUPTED:
+        sys.stderr.write("interrupted; the same command goes on from here\n")
     sys.exit(code)
 
 
@@ -255,10 +258,10 @@ def _make_room(*files: Path) -> None:
 @contextmanager
 def _bar() -> Iterator[Report]:
     """Show one progress bar for work that has no story."""
-    from pipelines.story import Story
+    from pipelines.bar import Bar
 
-    with Story(console) as story:
-        yield story.watch
+    with Bar(console) as bar:
+        yield bar.watch
 
 
 def _rate(result: Mapping[str, Json]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-from pipelines.session import Home
+from pipelines.home import Home
 from stages.mlflow_store import ARTIFACTS, database_uri, synchronise
 
 

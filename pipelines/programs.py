@@ -6,27 +6,16 @@ import re
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
-import numpy as np
-
-from roboscribe.dsl.interpreter import execute
-from roboscribe.dsl.printer import text
-from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import load_program
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.protocols import Task, World
-from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.protocols import Task
 from stages import evaluate
-from stages.package import grounded
+from stages.grounded import Grounded, grounded
 from stages.progress import Report, silent
-from stages.roll_out import Grounded
-from stages.skills import as_controllers
-from stages.world import TaskConfig, episode_seeds
 
 _RUN_ID = re.compile(r"[0-9a-f]{32}")
 
@@ -74,84 +63,3 @@ def evaluation(program: Grounded, config: evaluate.Config, report: Report = sile
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)
     return {"task": config.task.name, **shown, "env_steps": figures["control_steps"], "wall_seconds": seconds}
-
-
-def film(program: Grounded, config: TaskConfig, seed: int, out: Path) -> tuple[Path, bool]:
-    """Write a video of one episode with the line of the program that acts.
-
-    Returns:
-        The file written, and whether the task was solved in it.
-    """
-    from roboscribe.envs.render import render_rollout
-
-    recording = _Recording(config.make())
-    seeds = episode_seeds(seed, "evaluate", 1)
-    library = as_controllers(program.library)
-    rollouts = execute(
-        program.program, library, recording, seeds, limits=program.limits, batch=1, confirm=program.confirm
-    )
-    runs = [text(run) for run in controllers(program.program)]
-    lines = [runs[line] if line >= 0 else "" for line in rollouts.lines[0]] or [""]
-    states = rollouts.trajectories[0].states
-    path = render_rollout(recording.task, states, np.stack(recording.snapshots), lines, out)
-    return path, bool(rollouts.success[0])
-
-
-class _Recording:
-    """A task whose only world keeps a snapshot of every state that it shows."""
-
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.name: str = task.name
-        self.layout: Layout = task.layout
-        self.action_size: int = task.action_size
-        self.horizon: int = task.horizon
-        self.frequency: float = task.frequency
-        self.snapshots: list[FloatArray] = []
-
-    def solved(self, states: FloatArray) -> BoolArray:
-        return self.task.solved(states)
-
-    def world(self, batch: int) -> World:
-        return _RecordingWorld(self.task.world(batch), self.snapshots)
-
-    def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
-        return self.task.demonstrate(episodes, seed)
-
-
-@dataclass
-class _RecordingWorld:
-    """A world of one row that notes a snapshot after every reset and step."""
-
-    inner: World
-    snapshots: list[FloatArray]
-
-    def __post_init__(self) -> None:
-        self.batch: int = self.inner.batch
-        self.control_steps: int = 0
-
-    def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
-        states = self.inner.reset(rows, seeds)
-        self._note(rows)
-        return states
-
-    def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
-        states = self.inner.step(rows, actions)
-        self.control_steps = self.inner.control_steps
-        self._note(rows)
-        return states
-
-    def observe(self, rows: IntArray) -> FloatArray:
-        return self.inner.observe(rows)
-
-    def diverged(self, rows: IntArray) -> BoolArray:
-        return self.inner.diverged(rows)
-
-    def save(self, rows: IntArray) -> FloatArray:
-        return self.inner.save(rows)
-
-    def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
-        return self.inner.load(rows, snapshots)
-
-    def _note(self, rows: IntArray) -> None:
-        self.snapshots.append(self.inner.save(rows)[0])

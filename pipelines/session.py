@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Literal, TypeAlias
 
+from pipelines.audience import Audience
 from pipelines.chain import Plan, Synthesized, chain, program_name
+from pipelines.home import Home
 from pipelines.prefect_settings import quiet_prefect
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE
 from stages.code_version import code_version
-from stages.events import Event, Listener, RolledOut, Trained
-from stages.progress import Progress, Report
+from stages.events import Event, RolledOut, Trained
+from stages.progress import Progress
 from stages.settings import encode
 from stages.store import AnyStage, Inputs, Store, locked
 from stages.tracking import Tracker
@@ -25,32 +26,6 @@ from stages.values import tree_to_json
 FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_steps", "refinements")
 """Figures of the result that are tracked."""
 Engine: TypeAlias = Literal["prefect", "local"]
-
-
-@dataclass(frozen=True)
-class Home:
-    """Where everything is kept: stages, runs and programs under `data`, tracking under `mlruns`."""
-
-    path: Path
-
-    @property
-    def data(self) -> Path:
-        """Directory of stages, runs and programs."""
-        return self.path / "data"
-
-    @property
-    def mlruns(self) -> Path:
-        """Directory of the tracking store."""
-        return self.path / "mlruns"
-
-
-@dataclass(frozen=True)
-class Audience:
-    """Who watches: told which stage begins, what happens, and how far the work is."""
-
-    begin: Callable[[str], None]
-    listen: Listener
-    watch: Report
 
 
 @dataclass
@@ -105,7 +80,7 @@ class Session:
                 result = found if isinstance(found, Fail) else self._result(found, tally)
             except BaseException as error:
                 tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
-                tracker.close(timeout=20.0)
+                tracker.close(timeout=30.0)
                 raise
             seconds = round(perf_counter() - start, 3)
             if isinstance(result, Fail):
@@ -186,7 +161,6 @@ class Session:
             "contact": plan.task.contact,
             "timing": plan.task.timing,
             "seed": str(plan.seed),
-            "profile": plan.profile or "by demonstrations",
             "budget": str(plan.training.budget),
         }
 

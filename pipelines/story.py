@@ -3,79 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from types import TracebackType
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, SpinnerColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bar
 from rich.table import Table
 from rich.text import Text
 
-from pipelines.session import Audience
+from pipelines.audience import Audience
+from pipelines.bar import Bar
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.printer import pretty, text
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.search.predicates import Candidate
-from stages.events import Evaluated, Event, Failed, Grown, Ingested, Packaged, Programmed, Refined, RolledOut, Trained
-from stages.progress import Progress
+from stages.events import (
+    Evaluated,
+    Event,
+    Failed,
+    Filmed,
+    Grown,
+    Ingested,
+    Packaged,
+    Programmed,
+    Refined,
+    RolledOut,
+    Trained,
+)
 
 ROWS = 5
 """Rows of a ranked table that are shown; all of them are tracked."""
 
 
-class Story:
-    """Prints what happens above one progress bar. Nothing it prints is read as markup."""
+class Story(Bar):
+    """Prints what happens above the bar."""
 
     def __init__(self, console: Console) -> None:
-        """Prepare the bar; it moves only where the console is a terminal."""
-        self._console = console
-        self._bar = Bar(
-            SpinnerColumn(),
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[figures]}", markup=False),
-            TimeElapsedColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
-        self._task = self._bar.add_task("starting", total=None, figures="")
+        """Begin a story."""
+        super().__init__(console)
         self._refinements = 0
         self._tried = ""
-
-    def __enter__(self) -> Story:
-        """Show the bar."""
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Remove the bar."""
-        self._bar.stop()
 
     def audience(self) -> Audience:
         """Return the ears of a session."""
         return Audience(self.begin, self.listen, self.watch)
 
-    def begin(self, label: str) -> None:
-        """Name the stage that begins."""
-        self._bar.reset(self._task, description=label, total=None, figures="")
-
-    def watch(self, progress: Progress) -> None:
-        """Move the bar."""
-        figures = "  ".join(f"{name} {value:.3g}" for name, value in list(progress.metrics.items())[:3])
-        self._bar.update(
-            self._task, description=progress.what, completed=progress.done, total=progress.total, figures=figures
-        )
-
     def listen(self, event: Event) -> None:
         """Tell an event."""
         match event:
-            case Ingested(report):
-                self._ingested(report)
+            case Ingested(report, profile):
+                self._ingested(report, profile)
             case Programmed(goal, program):
                 self._tried = " ".join(f"π_{run.controller}" for run in controllers(program))
                 self.say(f"{goal}: trying {self._tried}")
@@ -92,16 +67,13 @@ class Story:
                 self.say("")
                 self.say(pretty(program).rstrip(), "bold")
                 self.say("")
-            case Evaluated() | Grown():
+            case Evaluated() | Grown() | Filmed():
                 pass
 
-    def say(self, line: str, style: str = "") -> None:
-        """Print text as it is."""
-        self._console.print(Text(line, style=style), soft_wrap=True)
-
-    def _ingested(self, report: Mapping[str, Any]) -> None:
+    def _ingested(self, report: Mapping[str, Any], profile: str) -> None:
         actions = "with actions" if report["actions"] else "states only"
-        self.say(f"{report['kept']} of {report['episodes']} demonstrations, {report['frames']} frames, {actions}")
+        kept = f"{report['kept']} of {report['episodes']} demonstrations, {report['frames']} frames, {actions}"
+        self.say(f"{kept}; profile {profile}")
         for line in report["report"]:
             self.say(f"  {line}", "yellow")
 
@@ -112,7 +84,7 @@ class Story:
         self.say(head, "bold cyan")
         self.say(f"  because {why(refinement)}")
         if len(refinement.table) > 1:
-            self._console.print(ranked_table(refinement.table))
+            self.console.print(ranked_table(refinement.table))
 
 
 def why(refinement: Refinement) -> str:
@@ -146,6 +118,6 @@ def _trained(report: Mapping[str, Any]) -> str:
     if learner == "scripted":
         return f"π_{name}: scripted"
     if not report["starts"]:
-        return f"π_{name}: not trained, the program so far never gets there ({steps} control steps)"
+        return f"π_{name}: {learner}; no states to start from were found in {steps} control steps"
     rates = f"{report['warm_success']:.0%} → {report['success']:.0%}"
     return f"π_{name}: {learner}, {rates} of held-out starts, {steps} control steps"

@@ -14,7 +14,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.naming import name_predicate
-from roboscribe.search.predicates import Candidate, Samples, rank_predicates
+from roboscribe.search.predicates import Anchor, Candidate, Samples, rank_predicates
 from roboscribe.subtask_tree import NEVER, Node, Tree
 from roboscribe.world.layout import FloatArray, IntArray
 
@@ -127,7 +127,9 @@ def _samples(positives: FloatArray, negatives: FloatArray, evidence: Evidence, t
         reached = holds(phi, negatives, {}, evidence.layout, evidence.solved)
         negatives = negatives[reached] if reached.sum() >= 50 else negatives
     frames, starts = _frames_before(evidence, evidence.first_steps(tree.node(psi).predicate))
-    return Samples(evidence.layout, positives, negatives, frames, starts, _after(evidence, tree, psi))
+    anchors = tuple(Anchor(node.predicate, node.scales) for node in predecessors if node.entities)
+    after = _after(evidence, tree, psi)
+    return Samples(evidence.layout, positives, negatives, frames, starts, after, anchors=anchors)
 
 
 def _after(evidence: Evidence, tree: Tree, psi: str) -> dict[frozenset[str], IntArray]:

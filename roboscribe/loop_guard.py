@@ -19,7 +19,8 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 TOLERANCE = 0.02
 """Share of positive, and of negative, examples on which a guard may err: `at` flickers while a block is let go."""
-MOST_EXAMPLES = 12_000
+MOST_EXAMPLES = 6_000
+"""Examples beyond this many are thinned evenly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,30 +85,30 @@ def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
     (name,) = free_vars(phi)
     members = evidence.layout.of_type(evidence.types[name])
     first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
+    lengths = [len(trajectory) for trajectory in evidence.trajectories]
     parts = [
-        _label(trajectory.states, members, first[:, d])
-        for d, trajectory in enumerate(evidence.trajectories)
+        _label(int(start), lengths[d], members, first[:, d])
+        for d, start in enumerate(evidence.starts)
         if (first[:, d] < NEVER).all()
     ]
     if not parts:
         empty = np.empty(0, dtype=np.bool_)
         return Examples(np.empty((0, evidence.layout.size)), np.empty(0, dtype=np.int64), empty, empty)
-    examples = Examples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    return examples[:: len(examples.entities) // MOST_EXAMPLES + 1]
+    frames, entities, positive, done = (np.concatenate(column) for column in zip(*parts, strict=True))
+    thin = slice(None, None, len(frames) // MOST_EXAMPLES + 1)
+    return Examples(evidence.states[frames[thin]], entities[thin], positive[thin], done[thin])
 
 
 def _label(
-    states: FloatArray, members: tuple[int, ...], first: IntArray
-) -> tuple[FloatArray, IntArray, BoolArray, BoolArray]:
+    start: int, length: int, members: tuple[int, ...], first: IntArray
+) -> tuple[IntArray, IntArray, BoolArray, BoolArray]:
+    """Frames, entities, "is being handled" and "was handled" for every entity in every frame of a demonstration."""
     ends = np.sort(first)
-    begins = {end: begin for begin, end in zip((0, *ends), ends, strict=False)}
-    steps = np.arange(len(states))
-    columns = []
-    for entity, end in zip(members, first, strict=True):
-        handled = (steps >= begins[end]) & (steps < end)
-        columns.append((states, np.full(len(states), entity), handled, steps >= end))
-    joined = [np.concatenate(column) for column in zip(*columns, strict=True)]
-    return joined[0], joined[1].astype(np.int64), joined[2], joined[3]
+    begins = dict(zip(ends.tolist(), [0, *ends[:-1].tolist()], strict=True))
+    steps = np.tile(np.arange(length), len(members))
+    end = np.repeat(first, length)
+    begin = np.repeat([begins[int(e)] for e in first], length)
+    return start + steps, np.repeat(members, length), (steps >= begin) & (steps < end), steps >= end
 
 
 def _search(examples: Examples, atoms: _GuardAtoms, entity: str, evidence: Evidence) -> Predicate | None:

@@ -33,7 +33,7 @@ FALSE_MARGIN = -1.0
 """Reward, in scales, of what has no margin of its own and does not hold: null objects, empty types."""
 
 
-def reward(
+def reward(  # noqa: C901 - one case per kind of predicate
     predicate: Predicate,
     states: FloatArray,
     binding: Binding,

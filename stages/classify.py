@@ -9,9 +9,10 @@ from pathlib import Path
 from roboscribe.classifier import learn_classifier
 from roboscribe.errors import Fail
 from stages import alone
+from stages.files import REFINEMENT, write_fail, write_json
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
-from stages.values import REFINEMENT, read_failures, read_tree, refinement_to_json, write_fail, write_json
+from stages.values import read_failures, read_tree, refinement_to_json
 from stages.world import TaskConfig, load_evidence
 
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from roboscribe.io.atomic import Json
 from roboscribe.world.protocols import Task
 from stages import alone
+from stages.files import EPISODES, OUTCOME, read_json, read_program, write_json
+from stages.grounded import Grounded, episode_table, summary, waves
 from stages.progress import Report, silent
-from stages.roll_out import Grounded, episode_table, summary, waves
 from stages.skills import read_library
 from stages.store import Inputs, Stage
-from stages.values import EPISODES, OUTCOME, read_json, read_program, write_json
 from stages.world import TaskConfig, episode_seeds
 
 Z95 = 1.959963984540054

@@ -14,9 +14,10 @@ from roboscribe.subtask_tree import Tree
 
 @dataclass(frozen=True)
 class Ingested:
-    """Demonstrations were checked; `report` says how many are kept and why others are not."""
+    """Demonstrations were checked; `report` says how many are kept and why others are not, `profile` how to learn."""
 
     report: Mapping[str, Any]
+    profile: str
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,20 @@ class Packaged:
 
 
 @dataclass(frozen=True)
+class Filmed:
+    """An episode of the final program was filmed."""
+
+    video: Path
+
+
+@dataclass(frozen=True)
 class Failed:
     """There is no program, and this is why."""
 
     reason: str
 
 
-Event: TypeAlias = Ingested | Programmed | Trained | RolledOut | Refined | Grown | Evaluated | Packaged | Failed
+Event: TypeAlias = (
+    Ingested | Programmed | Trained | RolledOut | Refined | Grown | Evaluated | Packaged | Filmed | Failed
+)
 Listener: TypeAlias = Callable[[Event], None]

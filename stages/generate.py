@@ -11,9 +11,10 @@ from roboscribe.io.atomic import write_file
 from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import ROOT
 from stages import alone
+from stages.files import PROGRAM, program_bytes, write_fail
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
-from stages.values import PROGRAM, program_bytes, read_tree, write_fail
+from stages.values import read_tree
 from stages.world import TaskConfig, load_evidence
 
 

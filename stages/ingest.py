@@ -10,9 +10,9 @@ from roboscribe.errors import Fail
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.validation import screen
 from stages import alone
+from stages.files import write_fail, write_json
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
-from stages.values import write_fail, write_json
 from stages.world import DEMONSTRATIONS, TaskConfig, load_demonstrations
 
 REPORT = "report.json"

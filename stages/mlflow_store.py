@@ -1,7 +1,6 @@
 """Tracking, the copying side: brings an MLflow store up to date with the journals of runs.
 
-Run as a process of its own (`python -m stages.mlflow_store RUN_DIRECTORY MLRUNS`), it follows one journal until its
-standard input ends, which is when the run ends, however it ends.
+Copying is idempotent: runs are found again by a tag, and a metric with the same time stamp is the same metric.
 """
 
 from __future__ import annotations
@@ -9,10 +8,7 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
-import select
-import sys
 import tempfile
-import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -29,6 +25,7 @@ os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
 os.environ["DO_NOT_TRACK"] = "true"
 os.environ["MLFLOW_ALLOW_PICKLE_DESERIALIZATION"] = "false"
 os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
 
 JOURNAL, STATE = "journal.jsonl", "tracking.json"
 """In a run's directory: what is to be copied, and how far it is copied under which ids."""
@@ -38,10 +35,6 @@ DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
 ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
 ENDED = ("FINISHED", "FAILED", "KILLED")
-PERIOD = 3.0
-"""Seconds between looks at the journal."""
-PATIENCE = 45.0
-"""Seconds for which a store that cannot be reached is tried again after the run's end."""
 BATCH = 1000
 log = logging.getLogger(__name__)
 
@@ -237,35 +230,6 @@ class Copier:
         return next(str(record["value"]) for record in opening if record["key"] == key)
 
 
-def follow(directory: Path, mlruns: Path) -> int:
-    """Copy a journal until standard input ends, then once more; returns an exit code, 0 when all is copied."""
-    ended_at: float | None = None
-    copier: Copier | None = None
-    identity: list[int] = []
-    while True:
-        last = ended_at is not None
-        if copier is not None and store_identity(mlruns) != identity:
-            os.execv(sys.executable, [sys.executable, "-m", "stages.mlflow_store", str(directory), str(mlruns)])
-        try:
-            if copier is None:
-                import matplotlib.figure  # noqa: F401 - takes a second, better now than at the run's end
-
-                copier = open_copier(directory, mlruns)
-                identity = store_identity(mlruns)
-            copier.copy()
-            if last:
-                copier.mark_killed()
-                return 0
-        except _unreachable() as error:
-            log.warning("the tracking store cannot be reached: %s", str(error).splitlines()[0])
-            if ended_at is not None and time.monotonic() - ended_at > PATIENCE:
-                return 1
-        if ended_at is None and _ended(PERIOD):
-            ended_at = time.monotonic()
-        elif last:
-            time.sleep(1.0)
-
-
 def synchronise(runs: Path, mlruns: Path) -> None:
     """Bring the store up to date with every run that is not at work now."""
     ensure_store(mlruns)
@@ -291,20 +255,6 @@ def download_program(run_id: str, mlruns: Path, target: Path) -> Path:
 
     found = MlflowClient(database_uri(mlruns)).download_artifacts(run_id, "program", str(target))
     return Path(found)
-
-
-def _unreachable() -> tuple[type[Exception], ...]:
-    """Name what a store raises that is locked, damaged or gone."""
-    from mlflow.exceptions import MlflowException
-    from sqlalchemy.exc import SQLAlchemyError
-
-    return (MlflowException, SQLAlchemyError, OSError)
-
-
-def _ended(seconds: float) -> bool:
-    """Wait; True when standard input has ended."""
-    ready, _, _ = select.select([sys.stdin], [], [], seconds)
-    return bool(ready) and not os.read(sys.stdin.fileno(), 1)
 
 
 def run_id_of(directory: Path) -> str | None:
@@ -344,13 +294,3 @@ def _locked(mlruns: Path) -> Iterator[None]:
     with (mlruns / ".lock").open("ab") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Follow the journal of `arguments[0]` for the store in `arguments[1]`."""
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s")
-    return follow(Path(arguments[0]), Path(arguments[1]))
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from roboscribe.dsl.parser import parse_program
-from roboscribe.errors import ArtifactError
+from roboscribe.dsl.rewrite import controllers
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
-from roboscribe.world.protocols import Task
 from stages import alone
+from stages.files import read_json, read_program
 from stages.progress import Report, silent
-from stages.roll_out import Grounded
-from stages.skills import from_parts, read_library, to_parts
+from stages.skills import read_library, to_parts
 from stages.store import Inputs, Stage
-from stages.values import read_json, read_program, read_tree, tree_to_json
+from stages.values import read_tree, tree_to_json
 from stages.world import TaskConfig
 
 DIRECTORY = "program"
@@ -53,8 +49,8 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     """
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
-    descriptions, weights = to_parts(library)
-    read_program(inputs["program"])
+    used = {run.controller for run in controllers(read_program(inputs["program"]))}
+    descriptions, weights = to_parts({name: skill for name, skill in library.items() if name in used})
     manifest: dict[str, Json] = {
         "task": config.task.name,
         "contact": config.task.contact,
@@ -69,23 +65,6 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     tree = tree_to_json(read_tree(inputs["tree"]))
     saved = SavedProgram(inputs["program"].read_text(), tree, weights, descriptions, manifest)
     save_program(out / DIRECTORY, saved)
-
-
-def grounded(saved: SavedProgram, task: Task, where: str) -> Grounded:
-    """Make a saved program ready to run on a task.
-
-    Raises:
-        ArtifactError: its controllers or limits cannot be used.
-        ProgramError: its text, edited perhaps, is no program.
-    """
-    limits: Any = saved.manifest.get("limits", {})
-    confirm = saved.manifest.get("confirm", 3)
-    sound = isinstance(limits, Mapping) and all(isinstance(steps, int) for steps in limits.values())
-    if not sound or not isinstance(confirm, int):
-        msg = f"{where}: found limits {limits!r} and confirm {confirm!r}, expected steps by controller and a count"
-        raise ArtifactError(msg)
-    library = from_parts(saved.controllers, saved.weights, task, where)
-    return Grounded(parse_program(saved.program_text), library, limits, confirm)
 
 
 STAGE = Stage("package", Config, run)

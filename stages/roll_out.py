@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from roboscribe.dsl.interpreter import execute
-from roboscribe.dsl.rollouts import Rollouts
-from roboscribe.dsl.syntax import Program
-from roboscribe.io.atomic import Json, write_file
+from roboscribe.io.atomic import write_file
 from roboscribe.subtask_tree import ROOT
 from roboscribe.synthesize import Outcome
-from roboscribe.world.layout import IntArray
-from roboscribe.world.protocols import Task
 from stages import alone
-from stages.progress import Progress, Report, silent
-from stages.skills import Library, as_controllers, read_library
+from stages.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
+from stages.grounded import Grounded, episode_table, summary, waves
+from stages.progress import Report, silent
+from stages.skills import read_library
 from stages.store import Inputs, Stage
-from stages.values import EPISODES, FAILURES, OUTCOME, failures_bytes, read_json, read_program, write_json
+from stages.values import failures_bytes
 from stages.world import TaskConfig, episode_seeds
-
-WAVE = 125
-"""Episodes between two messages of progress, run at once where worlds are batched."""
-GYM_BATCH = 8
-"""Episodes run at once where every row is an environment of its own."""
 
 
 @dataclass(frozen=True)
@@ -49,46 +40,6 @@ class Config:
     confirm: int = 3
 
 
-@dataclass(frozen=True)
-class Grounded:
-    """A program that can run.
-
-    Args:
-        program: P.
-        library: its controllers.
-        limits: step limit by controller.
-        confirm: consecutive steps for which a subgoal must hold.
-    """
-
-    program: Program
-    library: Library
-    limits: Mapping[str, int]
-    confirm: int = 3
-
-
-def waves(
-    grounded: Grounded, task: Task, seeds: IntArray, goal: str = ROOT, report: Report = silent
-) -> Iterator[Rollouts]:
-    """Run a program once from every seed, in waves, telling after each how many succeeded so far."""
-    successes, what = 0, f"roll out {goal}"
-    report(Progress(what, 0, len(seeds), "episodes"))
-    for start in range(0, len(seeds), WAVE):
-        rollouts = execute(
-            grounded.program,
-            as_controllers(grounded.library),
-            task,
-            seeds[start : start + WAVE],
-            limits=grounded.limits,
-            batch=GYM_BATCH if task.name.startswith("gym:") else WAVE,
-            until_end=goal != ROOT,
-            confirm=grounded.confirm,
-        )
-        successes += int(rollouts.success.sum())
-        done = min(start + WAVE, len(seeds))
-        report(Progress(what, done, len(seeds), "episodes", {"success": successes / done}))
-        yield rollouts
-
-
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
     """Write `outcome.json`, `episodes.json` and `failures.safetensors`.
 
@@ -105,27 +56,6 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     write_file(out / FAILURES, failures_bytes(failures))
     write_json(out / EPISODES, episode_table(done, seeds))
     write_json(out / OUTCOME, summary(done))
-
-
-def summary(done: list[Rollouts]) -> dict[str, Json]:
-    """Count what happened."""
-    return {
-        "successes": sum(int(rollouts.success.sum()) for rollouts in done),
-        "episodes": sum(len(rollouts.success) for rollouts in done),
-        "diverged": sum(int(rollouts.diverged.sum()) for rollouts in done),
-        "control_steps": sum(rollouts.control_steps for rollouts in done),
-    }
-
-
-def episode_table(done: list[Rollouts], seeds: IntArray) -> dict[str, Json]:
-    """List every episode: its seed, how it ended, and after how many control steps."""
-    rows = [
-        [int(won), int(broken), len(lines)]
-        for rollouts in done
-        for won, broken, lines in zip(rollouts.success, rollouts.diverged, rollouts.lines, strict=True)
-    ]
-    data: list[Json] = [[i, int(seed), *row] for i, (seed, row) in enumerate(zip(seeds, rows, strict=True))]
-    return {"columns": ["episode", "seed", "success", "diverged", "steps"], "data": data}
 
 
 STAGE = Stage("roll_out", Config, run)

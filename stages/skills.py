@@ -20,7 +20,7 @@ from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json, write_file
 from roboscribe.rl.skill import Skill
 from roboscribe.world.protocols import Task
-from stages.values import read_json, write_json
+from stages.files import read_json, write_json
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

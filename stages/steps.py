@@ -18,25 +18,20 @@ from roboscribe.synthesize import Outcome, Steps
 from roboscribe.world.layout import FloatArray
 from stages import classify, generate, roll_out, skills, train, update_tree, validate
 from stages.events import Grown, Listener, Programmed, Refined, RolledOut, Trained
-from stages.store import METRICS, AnyStage, Inputs
-from stages.values import (
+from stages.files import (
     EPISODES,
     FAILURES,
     OUTCOME,
     PROGRAM,
     REFINEMENT,
     TREE,
-    failures_bytes,
     program_bytes,
     read_fail,
     read_json,
-    read_outcome,
     read_program,
-    read_refinement,
-    read_tree,
-    refinement_to_json,
-    tree_to_json,
 )
+from stages.store import METRICS, AnyStage, Inputs
+from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json, tree_to_json
 from stages.world import TaskConfig
 
 

@@ -21,6 +21,7 @@ from stages.events import (
     Evaluated,
     Event,
     Failed,
+    Filmed,
     Grown,
     Ingested,
     Packaged,
@@ -29,11 +30,12 @@ from stages.events import (
     RolledOut,
     Trained,
 )
+from stages.files import TREE, program_bytes, read_json
 from stages.journal import Journal, Record, read_records
 from stages.mlflow_store import JOURNAL, PARENT, run_id_of
 from stages.progress import Progress
 from stages.store import TIMING
-from stages.values import TREE, program_bytes, read_json, tree_to_json
+from stages.values import tree_to_json
 
 LOG = "tracking.log"
 IDENTITY = ("run", "kind", "key", "step")
@@ -80,7 +82,7 @@ class Tracker:
         places = [str(self.directory.resolve()), str(self.mlruns.resolve())]
         with (self.directory / LOG).open("ab") as output:
             self._follower = subprocess.Popen(
-                [sys.executable, "-m", "stages.mlflow_store", *places],
+                [sys.executable, "-m", "stages.follow", *places],
                 stdin=subprocess.PIPE,
                 stdout=output,
                 stderr=output,
@@ -103,7 +105,7 @@ class Tracker:
 
     def status(self, value: str) -> None:
         """Journal how the run stands: RUNNING, FINISHED, FAILED or KILLED."""
-        self._note(PARENT, "status", "status", value, self.attempt)
+        self._note(PARENT, "status", value, value, self.attempt)
 
     def result(self, metrics: Mapping[str, float]) -> None:
         """Journal the figures of the whole run."""
@@ -117,7 +119,8 @@ class Tracker:
     def listen(self, event: Event) -> None:
         """Journal an event."""
         match event:
-            case Ingested(report):
+            case Ingested(report, profile):
+                self.params = {**self.params, "profile": profile}
                 self._ingested(report)
             case Programmed(_, program):
                 number = self._count("program")
@@ -133,21 +136,26 @@ class Tracker:
             case Grown(tree):
                 name = f"refinement {self._counts['refinement']}"
                 self._tree(name, self._file(f"{name}/{TREE}", _json_bytes(tree_to_json(tree))))
-                self._note(name, "status", "status", "FINISHED")
+                self._note(name, "status", "FINISHED", "FINISHED")
             case Evaluated(figures, table):
                 self._evaluated(figures, table)
+            case Packaged() | Filmed() | Failed():
+                self._ending(event)
+
+    def _ending(self, event: Packaged | Filmed | Failed) -> None:
+        match event:
             case Packaged(_, _, directory):
                 self._note(PARENT, "artifacts", "program", str(directory))
                 self._tree(PARENT, directory / TREE)
+            case Filmed(video):
+                self._note(PARENT, "artifact", "video", str(video), folder="")
             case Failed(reason):
                 self._note(PARENT, "tag", "reason", reason, self.attempt)
 
     def _ingested(self, report: Mapping[str, Any]) -> None:
         digest = str(report["digest"])
         self._note(PARENT, "input", "demonstrations", digest)
-        kept = {"demonstrations": str(report["kept"]), "demonstrations_sha256": digest}
-        for key, value in kept.items():
-            self._note(PARENT, "param", key, value)
+        self._params(PARENT, {"demonstrations": str(report["kept"]), "demonstrations_sha256": digest})
 
     def _trained(self, reports: tuple[Mapping[str, Any], ...], metrics: Path) -> None:
         for _, row in read_records(metrics):
@@ -162,7 +170,7 @@ class Tracker:
             steps = report["control_steps"]
             final = {"success": report["success"], "env_steps": steps, "episodes": report["starts"]}
             self._metrics(name, {**final, "warm_success": report["warm_success"]}, steps)
-            self._note(name, "status", "status", "FINISHED")
+            self._note(name, "status", "FINISHED", "FINISHED")
             self._count(f"controller {report['controller']}")
 
     def _curve(self, controller: str, metrics: Mapping[str, float], step: int, time: int) -> None:
@@ -199,7 +207,7 @@ class Tracker:
         shown |= {"env_steps": figures["control_steps"], "wall_seconds": seconds}
         self._metrics(EVALUATION, shown, 0)
         self._table(EVALUATION, table)
-        self._note(EVALUATION, "status", "status", "FINISHED")
+        self._note(EVALUATION, "status", "FINISHED", "FINISHED")
 
     def _tree(self, run: str, path: Path) -> None:
         self._note(run, "artifact", "tree", str(path), folder="")

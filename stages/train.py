@@ -12,17 +12,19 @@ from roboscribe.dsl.syntax import Program, Run
 from roboscribe.envs.point_world import Lookahead, PointTask
 from roboscribe.errors import TaskError
 from roboscribe.io.atomic import Json
+from roboscribe.program_gen import OPAQUE
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.train_program import SkillReport, step_limits, train_program
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.world.protocols import Task
 from stages import alone
+from stages.files import read_program, write_json
 from stages.journal import Journal
 from stages.progress import Progress, Report, silent
 from stages.skills import Library, read_library, write_library
 from stages.store import METRICS, PROGRESS, Inputs, Stage
-from stages.values import read_program, read_tree, write_json
+from stages.values import read_tree
 from stages.world import TaskConfig, load_evidence
 
 LIMITS, REPORTS = "limits.json", "reports.json"
@@ -103,7 +105,8 @@ class _Log:
         told = self._journal.append({"controller": controller, "step": step, "names": names, "metrics": figures})
         time = told["time"]
         assert isinstance(time, int)
-        self._report(Progress(controller, step, self._settings.budget, "steps", metrics, time))
+        budget = self._settings.opaque_budget if controller == OPAQUE else self._settings.budget
+        self._report(Progress(controller, step, budget, "steps", metrics, time))
 
 
 def _script(

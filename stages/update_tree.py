@@ -8,9 +8,10 @@ from pathlib import Path
 
 from roboscribe.subtask_tree import update_tree
 from stages import alone
+from stages.files import TREE, write_json
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
-from stages.values import TREE, read_refinement, read_tree, tree_to_json, write_json
+from stages.values import read_refinement, read_tree, tree_to_json
 
 
 @dataclass(frozen=True)

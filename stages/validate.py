@@ -8,9 +8,10 @@ from pathlib import Path
 
 from roboscribe.subtask_tree import validate
 from stages import alone
+from stages.files import write_fail, write_json
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
-from stages.values import read_tree, write_fail, write_json
+from stages.values import read_tree
 from stages.world import TaskConfig, load_evidence
 
 

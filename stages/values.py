@@ -12,65 +12,15 @@ from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
 from roboscribe.classifier import Refinement
-from roboscribe.dsl.parser import parse_predicate, parse_program
-from roboscribe.dsl.printer import pretty, text
-from roboscribe.dsl.syntax import Program
-from roboscribe.errors import ArtifactError, Fail, RoboScribeError
-from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
+from roboscribe.dsl.parser import parse_predicate
+from roboscribe.dsl.printer import text
+from roboscribe.errors import ArtifactError, RoboScribeError
+from roboscribe.io.atomic import Json
 from roboscribe.search.predicates import Candidate
 from roboscribe.subtask_tree import Node, Tree
 from roboscribe.synthesize import Outcome
 from roboscribe.world.layout import FloatArray
-
-FAIL, PROGRAM, TREE, REFINEMENT = "fail.json", "program.txt", "tree.json", "refinement.json"
-OUTCOME, FAILURES, EPISODES = "outcome.json", "failures.safetensors", "episodes.json"
-
-
-def write_json(path: Path, value: Json) -> None:
-    """Write a JSON file whole or not at all."""
-    write_file(path, indented_json(value).encode())
-
-
-def read_json(path: Path) -> Any:  # noqa: ANN401 - callers know what they wrote
-    """Read a JSON file.
-
-    Raises:
-        ArtifactError: it cannot be read or is no JSON.
-    """
-    try:
-        return parse_json(path.read_text())
-    except (OSError, ValueError) as error:
-        msg = f"{path}: cannot be read as JSON ({error})"
-        raise ArtifactError(msg) from error
-
-
-def write_fail(out: Path, fail: Fail) -> None:
-    """Write why there is no result."""
-    write_json(out / FAIL, {"reason": fail.reason})
-
-
-def read_fail(out: Path) -> Fail | None:
-    """Read why there is no result; None where there is one."""
-    return Fail(str(read_json(out / FAIL)["reason"])) if (out / FAIL).exists() else None
-
-
-def program_bytes(program: Program) -> bytes:
-    """Spell a program as its readers see it; what prints is what runs."""
-    return pretty(program).rstrip().encode() + b"\n"
-
-
-def read_program(path: Path) -> Program:
-    """Parse a program's file.
-
-    Raises:
-        ArtifactError: the file cannot be read.
-        ProgramError: its text is no program.
-    """
-    try:
-        return parse_program(path.read_text())
-    except (OSError, UnicodeDecodeError) as error:
-        msg = f"{path}: cannot be read as text ({error})"
-        raise ArtifactError(msg) from error
+from stages.files import FAILURES, OUTCOME, read_json
 
 
 def tree_to_json(tree: Tree) -> dict[str, Json]:

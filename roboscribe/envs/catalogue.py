@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from roboscribe.errors import TaskError
 from roboscribe.world.protocols import Task
 
@@ -10,16 +12,24 @@ TIMINGS = ("faithful", "fast")
 GYM = "gym:FetchPickAndPlace-v4"
 
 
+STEPS_PER_BLOCK = 50
+"""Control steps that a task of several blocks allows for each."""
+FAMILIES = re.compile(r"(pick-place|tower|multitower|pyramid)-([1-9][0-9]?)(-crowded)?")
+
+
 def task_names() -> tuple[str, ...]:
-    """List the names that `make_task` knows."""
-    return ("pick-place-1", GYM)
+    """List tasks that `make_task` knows; it takes any other number of blocks too, and `-crowded` behind them.
+
+    In a crowded task blocks start as near to each other and to goals as in the paper, and some cannot be picked there.
+    """
+    return ("pick-place-1", "pick-place-4", "tower-5", "multitower-6", "pyramid-6", GYM)
 
 
 def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Task:
     """Build a task.
 
     Args:
-        name: one of `task_names()`.
+        name: one of `task_names()`, or such a name with another number of blocks.
         contact: "stable" (elliptic cones, impratio 10) or "paper" (the scene file's defaults).
         timing: "faithful" (20 x 2 ms) or "fast" (10 x 4 ms); a control step is 40 ms under both.
 
@@ -32,13 +42,24 @@ def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Ta
     if timing not in TIMINGS:
         msg = f"unknown timing {timing!r}: expected one of {', '.join(TIMINGS)}"
         raise TaskError(msg)
-    if name == "pick-place-1":
-        from roboscribe.envs.pick_place import PickPlace
-
-        return PickPlace(name, 1, contact, timing)
     if name == GYM:
         from roboscribe.envs.gym_adapter import GymFetch
 
         return GymFetch(name)
-    msg = f"unknown task {name!r}: expected one of {', '.join(task_names())}"
-    raise TaskError(msg)
+    family = FAMILIES.fullmatch(name)
+    if family is None:
+        msg = f"unknown task {name!r}: expected one of {', '.join(task_names())}, or another number of blocks"
+        raise TaskError(msg)
+    shape, blocks, crowded = family[1], int(family[2]), family[3] is not None
+    return _fetch_task(name, shape, blocks, crowded=crowded, contact=contact, timing=timing)
+
+
+def _fetch_task(name: str, shape: str, blocks: int, *, crowded: bool, contact: str, timing: str) -> Task:
+    """Build a task of the Fetch family."""
+    from roboscribe.envs.pick_place import PickPlace
+    from roboscribe.envs.tower import Tower
+
+    horizon = 100 if blocks == 1 else STEPS_PER_BLOCK * blocks
+    if shape == "pick-place":
+        return PickPlace(name, blocks, contact, timing, horizon, crowded=crowded)
+    return Tower(name, blocks, contact, timing, horizon, crowded=crowded, shape=shape)

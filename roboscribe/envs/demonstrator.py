@@ -1,11 +1,12 @@
-"""A scripted demonstrator for the Fetch scene, with correlated noise.
+"""A scripted demonstrator for the Fetch scene with one block, and demonstrations with correlated noise.
 
-Its command is a smooth function of the observed state alone (hand, finger opening, blocks, goals), so that a learner
+Its command is a smooth function of the observed state alone (hand, finger opening, block, goal), so that a learner
 without memory can imitate it. Hand and block move in funnels: the farther from the axis above the target, the higher.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,14 +25,10 @@ OPEN = 0.085
 """Fingers wider than this pass a block on both sides, m."""
 NEAR = 0.02
 """The hand is around a block when their centres are closer than this, m."""
-PLACED = 0.02
-"""A block this close to its goal is let go (all but the last), m."""
-CLEAR = 0.10
-"""Height above other blocks at which the hand crosses, m."""
 TIP_BLOCK, TIP_GOAL = 0.012, 0.02
 """Hand and block come down within this distance of the axis, m."""
 LOW_FETCH, LOW_CARRY = 0.06, 0.04
-"""Height of approach to a block that is alone, and to its goal, m."""
+"""Height of approach to a block, and to its goal, m."""
 HOVER = 0.06
 """Fingers that are not open yet keep this high above the block, m."""
 PINCH = 0.6
@@ -53,82 +50,60 @@ def ramp(values: FloatArray, low: float, high: float) -> FloatArray:
     return np.clip((values - low) / (high - low), 0.0, 1.0)
 
 
-def funnel(radius: FloatArray, tip: float, top: FloatArray) -> FloatArray:
+def funnel(radius: FloatArray, tip: float, top: float) -> FloatArray:
     """Height to keep at a horizontal distance: 0 within `tip`, then three times as steep as wide, up to `top`."""
     return np.clip(3.0 * (radius - tip), 0.0, top)
 
 
-def active(blocks: FloatArray, goals: FloatArray) -> IntArray:
-    """Index (R,) of the first block that is not placed; the last block is never let go."""
-    waiting = np.linalg.norm(blocks - goals, axis=2) >= PLACED
-    waiting[:, -1] = True
-    first: IntArray = waiting.argmax(axis=1).astype(np.int64)
-    return first
-
-
-def command(count: int, states: FloatArray) -> FloatArray:
-    """Decide the noiseless action: open, come down on the next block, close, carry it to its goal from above.
+def command(states: FloatArray) -> FloatArray:
+    """Decide the noiseless action for one block: open, come down on it, close, carry it to its goal from above.
 
     Args:
-        count: N, the number of blocks.
-        states: (R, F) states of a Fetch scene.
+        states: (R, 19) states of a Fetch scene.
 
     Returns:
         (R, 4) actions in [-1, 1].
     """
-    hand, opening = states[:, :3], states[:, 3]
-    objects = states[:, 7:].reshape(len(states), count, 12)
-    blocks, goals = objects[..., :3], objects[..., 9:]
-    index = active(blocks, goals)
-    row = np.arange(len(states))
-    block, goal = blocks[row, index], goals[row, index]
-    others = np.where(np.arange(count)[:, None] == index[:, None, None], -np.inf, blocks)
+    hand, opening, block, goal = states[:, :3], states[:, 3], states[:, 7:10], states[:, 16:19]
     around = np.linalg.norm(block - hand, axis=1) < NEAR
     closed = ramp(-opening, -GRIP - 0.003, -GRIP)[:, None]
-    carry = closed * _route(block, goal, others, TIP_GOAL, LOW_CARRY)
-    move = np.where(around[:, None] & (closed > 0), carry, _fetch(hand, opening, block, others, around))
-    move = np.where(_leaving(hand, others)[:, None], _withdraw(opening), GAIN * move)
+    carry = closed * _route(block, goal, TIP_GOAL, LOW_CARRY)
+    move = GAIN * np.where(around[:, None] & (closed > 0), carry, _fetch(hand, opening, block, around))
     return np.concatenate([np.clip(move, -1.0, 1.0), np.where(around, -PINCH, PINCH)[:, None]], axis=1)
 
 
-def _fetch(
-    hand: FloatArray, opening: FloatArray, block: FloatArray, others: FloatArray, around: BoolArray
-) -> FloatArray:
+def _fetch(hand: FloatArray, opening: FloatArray, block: FloatArray, around: BoolArray) -> FloatArray:
     """Displacement (R, 3) towards the block through a funnel above it, and down only with open fingers."""
-    gap = _route(hand, block, others, TIP_BLOCK, LOW_FETCH)
+    gap = _route(hand, block, TIP_BLOCK, LOW_FETCH)
     narrow = np.where(around, 0.0, HOVER * ramp(-opening, -OPEN, -OPEN + 0.03))
     gap[:, 2] = np.maximum(gap[:, 2], block[:, 2] - hand[:, 2] + narrow)
     return gap
 
 
-def _route(start: FloatArray, end: FloatArray, others: FloatArray, tip: float, low: float) -> FloatArray:
-    """Displacement (R, 3) from `start` towards `end`, coming down a funnel within `tip` of the axis above `end`.
-
-    One block alone is approached at the height `low`. Among several the height clears the highest of the `others`
-    (R, N, 3), and what is still below it rises before it crosses.
-    """
+def _route(start: FloatArray, end: FloatArray, tip: float, low: float) -> FloatArray:
+    """Displacement (R, 3) from `start` towards `end`, coming down a funnel within `tip` of the axis above `end`."""
     gap = end - start
-    radius = np.linalg.norm(gap[:, :2], axis=1)
-    if others.shape[1] == 1:
-        gap[:, 2] += funnel(radius, tip, np.full(len(gap), low))
-        return gap
-    gap[:, 2] += funnel(radius, tip, np.maximum(others[..., 2].max(axis=1) + CLEAR - end[:, 2], CLEAR))
-    gap[:, :2] *= 1.0 - ramp(gap[:, 2:], 0.01, 0.04)
+    gap[:, 2] += funnel(np.linalg.norm(gap[:, :2], axis=1), tip, low)
     return gap
 
 
-def _leaving(hand: FloatArray, others: FloatArray) -> BoolArray:
-    """Tell whether the hand (R, 3) is still around a block that it is done with: one of the `others` (R, N, 3)."""
-    gap = hand[:, None] - others
-    inside = (np.linalg.norm(gap[..., :2], axis=2) < NEAR) & (gap[..., 2] < 2 * NEAR)
-    around: BoolArray = inside.any(axis=1)
-    return around
+@dataclass(frozen=True)
+class Style:
+    """How demonstrations are given.
+
+    Args:
+        command: the noiseless action (R, 4) in states (R, F).
+        spread: (4,) standard deviation of the noise.
+        share: the share (R,) of the noise that is applied in states (R, F).
+    """
+
+    command: Callable[[FloatArray], FloatArray]
+    spread: FloatArray
+    share: Callable[[FloatArray], FloatArray]
 
 
-def _withdraw(opening: FloatArray) -> FloatArray:
-    """Action (R, 3) that lets go: stay until the fingers are open, then rise."""
-    rise = ramp(opening, OPEN - 0.02, OPEN)
-    return np.stack([np.zeros_like(rise), np.zeros_like(rise), rise], axis=1)
+SINGLE = Style(command, SPREAD, lambda states: np.ones(len(states)))
+"""One block."""
 
 
 @dataclass
@@ -143,11 +118,11 @@ class Episode:
     noise: FloatArray = field(default_factory=lambda: np.zeros(4))
     solved: int = 0
 
-    def disturb(self, action: FloatArray) -> FloatArray:
-        """Add the next correlated noise (an Ornstein-Uhlenbeck process) to an action (4,), within its bounds."""
-        fresh = self.rng.normal(size=4) * SPREAD
+    def disturb(self, action: FloatArray, spread: FloatArray, share: float) -> FloatArray:
+        """Add a share of the next correlated noise (Ornstein-Uhlenbeck) to an action (4,), within its bounds."""
+        fresh = self.rng.normal(size=4) * spread
         self.noise = MEMORY * self.noise + np.sqrt(1 - MEMORY**2) * fresh
-        return np.clip(action + self.noise, -1.0, 1.0)
+        return np.clip(action + share * self.noise, -1.0, 1.0)
 
     def record(self, state: FloatArray, snapshot: FloatArray, solved: bool) -> None:
         """Append what was observed."""
@@ -162,13 +137,14 @@ def start(seed: int, index: int) -> Episode:
     return Episode(int(rng.integers(2**62)), rng)
 
 
-def collect(task: Task, episodes: int, seed: int) -> list[Trajectory]:
+def collect(task: Task, episodes: int, seed: int, style: Style = SINGLE) -> list[Trajectory]:
     """Collect successful noisy demonstrations of a Fetch task.
 
     Args:
         task: its layout is that of a Fetch scene.
         episodes: how many to return.
         seed: decides everything; a longer collection starts with the shorter one.
+        style: how it is done.
 
     Raises:
         TaskError: fewer than half of the attempts succeed.
@@ -181,13 +157,13 @@ def collect(task: Task, episodes: int, seed: int) -> list[Trajectory]:
             msg = f"the demonstrator of {task.name} solved {len(found)} of {tried} episodes, expected at least half"
             raise TaskError(msg)
         wave = [start(seed, tried + i) for i in range(world.batch)]
-        run(task, world, wave)
+        run(task, world, wave, style)
         found += [trajectory(task, episode) for episode in wave if episode.solved == STAY]
         tried += len(wave)
     return found[:episodes]
 
 
-def run(task: Task, world: World, wave: list[Episode]) -> None:
+def run(task: Task, world: World, wave: list[Episode], style: Style = SINGLE) -> None:
     """Run a wave of episodes, one per row, until each has stayed solved, left physics or met the horizon."""
     rows = np.arange(len(wave))
     states = world.reset(rows, np.array([episode.seed for episode in wave], dtype=np.int64))
@@ -197,8 +173,8 @@ def run(task: Task, world: World, wave: list[Episode]) -> None:
         rows, states = rows[running], states[running]
         if len(rows) == 0:
             return
-        wanted = command(len(task.layout.entities), states)
-        actions = np.array([wave[row].disturb(action) for row, action in zip(rows, wanted, strict=True)])
+        wanted = zip(rows, style.command(states), style.share(states), strict=True)
+        actions = np.array([wave[row].disturb(action, style.spread, share) for row, action, share in wanted])
         states = world.step(rows, actions)
         for row, action in zip(rows, actions, strict=True):
             wave[row].actions.append(action)

@@ -81,7 +81,8 @@ def _add_block(spec: mujoco.MjSpec, index: int) -> None:
     half = BLOCK_SIZE / 2
     body = spec.worldbody.add_body(name=f"object{index}", pos=[half, half, half])
     joint = body.add_joint(name=f"object{index}:joint", type=mujoco.mjtJoint.mjJNT_FREE)
-    joint.damping[:] = 0.01
+    # Linear damping alone: the further numbers are coefficients of the square and the cube of the speed.
+    joint.damping[0] = 0.01
     body.add_geom(
         name=f"object{index}",
         type=mujoco.mjtGeom.mjGEOM_BOX,

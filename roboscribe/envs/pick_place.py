@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.random import Generator
 
-from roboscribe.envs import demonstrator, fetch
+from roboscribe.envs import demonstrator, fetch, tower_layout, tower_moves
 from roboscribe.envs.engine import Engine
+from roboscribe.envs.tower_layout import HAND_GAP, RANGE
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.protocols import World
 from roboscribe.world.trajectory import Trajectory
 
-RANGE = 0.15
-"""Blocks and goals lie within this distance of the hand along x and y, m."""
 LIFT = 0.45
 """Greatest height of a goal above a resting block, m."""
 TOLERANCE = 0.05
@@ -27,27 +26,22 @@ Sampler = Callable[[Generator, fetch.Start, int], tuple[FloatArray, FloatArray]]
 """Draws the blocks' places (N, 2) and their goals (N, 3)."""
 
 
-def _spread(rng: Generator, center: FloatArray, count: int, gap: float, clear: FloatArray) -> FloatArray:
-    """Draw `count` points (n, 2) around `center`, `gap` from each other and farther than `clear[i]` from it."""
-    while True:
-        points = center + rng.uniform(-RANGE, RANGE, size=(count, 2))
-        apart = np.linalg.norm(points[:, None] - points, axis=2) + np.where(np.eye(count, dtype=bool), np.inf, 0.0)
-        if (apart >= gap).all() and (np.linalg.norm(points - center, axis=1) >= clear).all():
-            return points
-
-
-def sample(rng: Generator, start: fetch.Start, blocks: int) -> tuple[FloatArray, FloatArray]:
+def sample(crowded: bool, rng: Generator, start: fetch.Start, blocks: int) -> tuple[FloatArray, FloatArray]:
     """Draw an episode: blocks 0.10 m or more from the hand, goals apart, the last one in the air half of the time.
 
     Source: FetchPickAndPlace-v4 for one block; Sec. 6 for several.
     """
-    places = _spread(rng, start.grip[:2], blocks, 0.06, np.full(blocks, 0.10))
-    goals = np.full((blocks, 3), start.height)
-    goals[:, :2] = _spread(rng, start.grip[:2], blocks, 0.071, np.zeros(blocks))
-    low = 0.0 if blocks == 1 else 0.1
+    if blocks > 1:
+        origin = np.array([*start.grip[:2], start.height])
+        room = tower_layout.CROWDED if crowded else tower_layout.TABLE
+        return tower_layout.draw(rng, origin, blocks, tower_layout.on_table, room)
+    place = start.grip[:2] + rng.uniform(-RANGE, RANGE, size=(1, 2))
+    while np.linalg.norm(place - start.grip[:2]) < HAND_GAP:
+        place = start.grip[:2] + rng.uniform(-RANGE, RANGE, size=(1, 2))
+    goal = np.append(start.grip[:2] + rng.uniform(-RANGE, RANGE, size=2), start.height)
     if rng.uniform() < 0.5:
-        goals[-1, 2] += rng.uniform(low, LIFT)
-    return places, goals
+        goal[2] += rng.uniform(0.0, LIFT)
+    return place, goal[None]
 
 
 def solved(states: FloatArray, blocks: int) -> BoolArray:
@@ -81,6 +75,7 @@ class PickPlace:
         contact: "stable" or "paper".
         timing: "faithful" (20 x 2 ms) or "fast" (10 x 4 ms).
         horizon: control steps of an episode.
+        crowded: blocks may start where fingers find no room beside them.
     """
 
     name: str
@@ -90,6 +85,7 @@ class PickPlace:
     horizon: int = 100
     action_size: int = 4
     frequency: float = fetch.FREQUENCY
+    crowded: bool = False
 
     @cached_property
     def layout(self) -> Layout:
@@ -102,11 +98,12 @@ class PickPlace:
 
     def world(self, batch: int) -> FetchWorld:
         """Build a world of `batch` rows."""
-        return FetchWorld(self, batch, sample)
+        return FetchWorld(self, batch, partial(sample, self.crowded))
 
     def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
         """Collect `episodes` successful noisy demonstrations; episode i of a seed does not depend on `episodes`."""
-        return demonstrator.collect(self, episodes, seed)
+        style = demonstrator.SINGLE if self.blocks == 1 else tower_moves.SERVE
+        return demonstrator.collect(self, episodes, seed, style)
 
 
 class FetchWorld(World):

@@ -22,7 +22,7 @@ NEAR = 0.075
 """Distance from an object at which a pushing gripper begins to go round it, metres."""
 TURN = 0.6
 """Most that it goes round in one step, radians."""
-ASIDE = 0.01
+ASIDE = 0.006
 """How far beside the line through object and goal it may be and still push, metres."""
 PRESS = 0.02
 """Distance behind the object's centre at which a pushing gripper aims, metres; less than where they touch."""

@@ -1,7 +1,7 @@
 """A kinematic world in the plane, of any number of objects and types, that runs in milliseconds.
 
-A point gripper moves at most `STEP` per control step. With its fingers closed it drags the nearest object within
-`REACH`; without fingers (`fingers=False`) it pushes what it touches. Drawers slide along x by their handle. Nothing
+A point gripper moves at most 5 cm per control step and axis. With its fingers closed it drags the nearest object within
+reach; without fingers (`fingers=False`) it pushes what it touches. Drawers slide along x by their handle. Nothing
 else moves, nothing is hidden: the observed state decides the future. It exists so that the algorithms can be run end
 to end in seconds, with the lookahead controllers below in the place of learned ones.
 """
@@ -18,24 +18,23 @@ import numpy as np
 from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.envs.point_demonstrator import demonstrate
+from roboscribe.envs.point_kinematics import TRAVEL, advance
 from roboscribe.reward import reward
 from roboscribe.world.layout import ROBOT, Attribute, BoolArray, FloatArray, IntArray, Layout, ObjectType
 from roboscribe.world.trajectory import Trajectory
 
-STEP = 0.05
-"""Greatest displacement of the gripper in one control step, metres per axis."""
-REACH = 0.03
-"""Distance within which closed fingers drag an object, and within which a finger-less gripper pushes, metres."""
-GRASP = 0.01
-"""Distance to which a dragged object settles in the fingers, metres."""
 AT = 0.03
 """Distance from its goal at which an object counts as placed, metres."""
 CLEARANCE = 0.12
 """Least distance between objects, and between an object and a goal, at the start, metres."""
-SUBSTEPS = 5
-"""Parts of a step in which pushing is resolved, so that the gripper cannot jump over what it touches."""
-TRAVEL = 0.2
-"""Opening of a drawer, metres."""
+HEADINGS = 12
+"""Directions among which a lookahead controller chooses."""
+SPEEDS = (1.0, 0.3)
+"""Speeds among which it chooses, in full speeds."""
+PRICE = 0.002
+"""What it pays for a step at full speed, in spreads of R_φ."""
+DRIFT = 0.1
+"""Speed at which it drifts where no action pays, in full speeds."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ class PointTask:
         for i, kind in enumerate(layout.entities):
             name = kind.goal[0].name
             away = states[..., layout.columns[i, name, False]] - states[..., layout.columns[i, name, True]]
-            answer &= np.linalg.norm(away, axis=-1) < AT
+            answer &= np.einsum("...i,...i->...", away, away) < AT**2
         return answer
 
     def world(self, batch: int) -> PointWorld:
@@ -155,7 +154,7 @@ class PointWorld:
 
     def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
         """Move `rows` one control step."""
-        self._states[rows] = advance(self.task, self._states[rows], actions)
+        self._states[rows] = advance(self.task.layout, self.task.fingers, self._states[rows], actions)
         self.control_steps += len(rows)
         return self._states[rows].copy()
 
@@ -177,60 +176,12 @@ class PointWorld:
         return self._states[rows].copy()
 
 
-def advance(task: PointTask, states: FloatArray, actions: FloatArray) -> FloatArray:
-    """Apply actions (..., A) to states (..., F); returns the next states."""
-    layout = task.layout
-    after = np.array(np.broadcast_to(states, (*np.broadcast_shapes(states.shape[:-1], actions.shape[:-1]), layout.size)))
-    actions = np.clip(actions, -1.0, 1.0)
-    hand = layout.columns[ROBOT, "position", False]
-    before = after[..., hand].copy()
-    moved = np.clip(before + STEP * actions[..., :2], -0.2, 2.0)
-    after[..., hand] = moved
-    if task.fingers:
-        closed = actions[..., 2] > 0.0
-        after[..., layout.columns[ROBOT, "opening", False]] = np.where(closed, 0.0, 1.0)[..., None]
-        _drag(layout, after, before, moved, closed)
-    else:
-        for part in range(1, SUBSTEPS + 1):
-            _push(layout, after, before + (moved - before) * part / SUBSTEPS)
-    return after
-
-
-def _drag(layout: Layout, after: FloatArray, before: FloatArray, moved: FloatArray, closed: BoolArray) -> None:
-    places = np.stack([after[..., layout.columns[i, "position", False]] for i in range(len(layout.entities))], axis=-2)
-    offsets = places - before[..., None, :]
-    away = np.sqrt(np.einsum("...i,...i->...", offsets, offsets))
-    nearest = away.argmin(axis=-1)
-    held = closed & (away.min(axis=-1) < REACH)
-    for i, kind in enumerate(layout.entities):
-        mine = held & (nearest == i)
-        place = layout.columns[i, "position", False]
-        if kind.name == "drawer":
-            opening = after[..., layout.columns[i, "opening", False]][..., 0]
-            slid = np.clip(opening + moved[..., 0] - before[..., 0], 0.0, TRAVEL)
-            change = np.where(mine, slid - opening, 0.0)
-            after[..., layout.columns[i, "opening", False]] += change[..., None]
-            after[..., place.start] += change
-        else:
-            settled = offsets[..., i, :] * np.minimum(1.0, GRASP / np.maximum(away[..., i, None], 1e-12))
-            after[..., place] = np.where(mine[..., None], moved + settled, after[..., place])
-
-
-def _push(layout: Layout, after: FloatArray, moved: FloatArray) -> None:
-    for i in range(len(layout.entities)):
-        place = layout.columns[i, "position", False]
-        offset = after[..., place] - moved
-        length = np.linalg.norm(offset, axis=-1, keepdims=True)
-        pushed = moved + offset / np.maximum(length, 1e-12) * REACH
-        after[..., place] = np.where(length < REACH, pushed, after[..., place])
-
-
 @dataclass(frozen=True, eq=False)
 class Lookahead:
     """A controller that tries a fixed set of actions in the kinematic model and takes the most rewarding.
 
-    It stands where a learned controller would: greedy for R_φ one step ahead, hence as short-sighted as a learner
-    without subgoals, and nearly still, in random directions, where no action pays.
+    It stands where a learned controller would: greedy for R_φ, less a small price of motion, one step ahead, hence
+    as short-sighted as a learner without subgoals, and nearly still, in random directions, where no action pays.
     """
 
     task: PointTask
@@ -238,36 +189,39 @@ class Lookahead:
     scales: Mapping[str, float]
     seed: int = 0
 
-    @property
-    def _moves(self) -> int:
-        return len(self._choices) // (2 if self.task.fingers else 1)
-
     @cached_property
     def _choices(self) -> FloatArray:
-        turns = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+        """Every action on offer (C, A): open fingers first, for of equals the first is taken."""
+        turns = np.linspace(0.0, 2 * np.pi, HEADINGS, endpoint=False)
         heading = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        moves = np.concatenate([speed * heading for speed in (1.0, 0.4, 0.1)])
+        moves = np.concatenate([speed * heading for speed in SPEEDS])
         if not self.task.fingers:
             return moves
         return np.concatenate([np.column_stack([moves, np.full(len(moves), f)]) for f in (-1.0, 1.0)])
 
     def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """Choose an action (R, A) for states (R, F)."""
-        choices = self._choices
         rng = np.random.default_rng([self.seed, crc32(states.tobytes())])  # memoryless, yet reproducible
-        turned = rng.permutation(self._moves)
-        order = np.concatenate([turned, turned + self._moves])[: len(choices)]  # of equals, open fingers
+        choices = self._choices
+        drawn = choices[rng.integers(len(choices), size=len(states))]
         if isinstance(self.run.until, Solved):
-            return choices[rng.integers(len(choices), size=len(states))]
-        after = advance(self.task, states[:, None, :], choices[order][None, :, :])
-        value = self._reward(after, entities[:, None, :])
-        best = np.asarray(choices[order][value.argmax(axis=1)])
-        idle = value.max(axis=1) <= self._reward(states, entities) + 1e-9
-        return np.where(idle[:, None], 0.2 * best, best)
+            return drawn
+        after = advance(self.task.layout, self.task.fingers, states[:, None], choices[None])
+        value = self._reward(np.concatenate([states[:, None], after], axis=1), entities)
+        gain = value[:, 1:] - value[:, :1] - PRICE * np.linalg.norm(choices[:, :2], axis=1)
+        best = choices[gain.argmax(axis=1)]
+        drift = DRIFT * drawn[:, :2] / np.linalg.norm(drawn[:, :2], axis=1, keepdims=True)
+        pays = gain.max(axis=1, keepdims=True) > 0.0
+        return np.concatenate([np.where(pays, best[:, :2], drift), best[:, 2:]], axis=1)
 
     def _reward(self, states: FloatArray, entities: IntArray) -> FloatArray:
-        binding = {name: entities[..., j] for j, name in enumerate(run_variables(self.run))}
-        return reward(self.run.until, states, binding, self.task.layout, self.scales, self.task.solved)
+        """R_φ in states (R, C, F) for entities (R, n); as flat rows, which are evaluated fastest."""
+        rows, choices, width = states.shape
+        names = run_variables(self.run)
+        binding = {name: np.repeat(entities[:, j], choices) for j, name in enumerate(names)}
+        flat = states.reshape(-1, width)
+        layout, solved = self.task.layout, self.task.solved
+        return reward(self.run.until, flat, binding, layout, self.scales, solved).reshape(rows, choices)
 
 
 def lookahead_skills(

@@ -10,10 +10,9 @@ import torch
 from torch import nn
 
 from roboscribe.rl.config import CloneConfig
-from roboscribe.rl.observation import ObservationSpec
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.torch_net import layers_of, mlp, single_thread
-from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.world.layout import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,9 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
         network = mlp([inputs.shape[1], *config.hidden, 2 * actions])
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
-    stops = {config.steps * (config.checkpoints + 1 + rank) // (2 * config.checkpoints) for rank in range(config.checkpoints)}
+    stops = {
+        config.steps * (config.checkpoints + 1 + rank) // (2 * config.checkpoints) for rank in range(config.checkpoints)
+    }
     for step in range(1, config.steps + 1):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
         blurred = inputs[batch] + config.input_noise * torch.randn(config.batch, inputs.shape[1], generator=generator)

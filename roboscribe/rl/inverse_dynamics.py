@@ -1,4 +1,4 @@
-"""Actions for demonstrations that have none: which action leads from one state to the next? (Profile `states`.)
+"""Actions for demonstrations that have none: which action leads from one state to the next? (Profile `states`.).
 
 The finger command on a grasped block leaves a trace only in contact, which random motion from initial states never
 meets. So actions are tried out where the demonstrations have been: from their stored simulator states, one step each.
@@ -49,9 +49,7 @@ class Transitions:
         )
 
 
-def probe(
-    world: World, snapshots: FloatArray, entities: IntArray, actions: FloatArray, steps: int = 1
-) -> Transitions:
+def probe(world: World, snapshots: FloatArray, entities: IntArray, actions: FloatArray, steps: int = 1) -> Transitions:
     """Try actions out from stored simulator states.
 
     Args:

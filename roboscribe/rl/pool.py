@@ -33,7 +33,9 @@ class StartPool:
 
     def take(self, rows: IntArray) -> StartPool:
         """Return the starts at `rows`."""
-        return StartPool(self.snapshots[rows], self.states[rows], self.entities[rows], self.elapsed[rows], self.episode[rows])
+        return StartPool(
+            self.snapshots[rows], self.states[rows], self.entities[rows], self.elapsed[rows], self.episode[rows]
+        )
 
     def capped(self, per_episode: int) -> StartPool:
         """Keep the first `per_episode` starts of each episode, so that rows that keep failing do not fill the pool."""

@@ -40,9 +40,7 @@ class RslEnv(VecEnv):  # type: ignore[misc] # the library ships no types
         inputs = torch.from_numpy(self.encoder(self.env.states, self.env.entities))
         return TensorDict({GROUP: inputs}, batch_size=[self.num_envs])
 
-    def step(
-        self, actions: torch.Tensor
-    ) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
         """Apply pre-tanh actions (B, A)."""
         outcome = self.env.step(np.tanh(actions.numpy().astype(np.float64)))
         ended = outcome.terminated | outcome.truncated
@@ -73,15 +71,19 @@ def build_runner(env: RslEnv, layers: Layers, config: PpoConfig) -> OnPolicyRunn
     """
     hidden = [len(bias) for _, bias in layers[:-1]]
     fixed_noise = {
-        "class_name": "GaussianDistribution", "init_std": config.noise, "std_type": "scalar", "learn_std": False
+        "class_name": "GaussianDistribution",
+        "init_std": config.noise,
+        "std_type": "scalar",
+        "learn_std": False,
     }
+    network = {"class_name": "MLPModel", "hidden_dims": hidden, "activation": "elu"}
     settings = {
         "num_steps_per_env": config.steps,
         "save_interval": 1,
         "check_for_nan": True,
         "obs_groups": {"actor": [GROUP], "critic": [GROUP]},
-        "actor": {"class_name": "MLPModel", "hidden_dims": hidden, "activation": "elu", "distribution_cfg": fixed_noise},
-        "critic": {"class_name": "MLPModel", "hidden_dims": hidden, "activation": "elu"},
+        "actor": {**network, "distribution_cfg": fixed_noise},
+        "critic": network,
         "algorithm": {
             "class_name": "PPO", "num_learning_epochs": config.epochs, "num_mini_batches": config.minibatches,
             "clip_param": config.clip, "gamma": config.gamma, "lam": config.lam, "entropy_coef": 0.0,

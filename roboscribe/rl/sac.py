@@ -126,7 +126,7 @@ def train_sac(
         model.set_logger(Logger(None, [_Metrics(metrics)]))
         best, success, spent = skill, -1.0, 0
         while spent + config.worlds * config.evaluate_every <= task.budget and success < task.target:
-            model.learn(config.worlds * config.evaluate_every, log_interval=None, reset_num_timesteps=spent == 0)
+            model.learn(config.worlds * config.evaluate_every, log_interval=task.budget, reset_num_timesteps=spent == 0)
             spent = model.num_timesteps
             model.logger.dump(spent)
             candidate = Skill(skill.name, skill.spec, actor_layers(model), skill.layout, activation)

@@ -139,5 +139,7 @@ def collect_starts(
             continue
         if not (collection.episode >= 0).any():
             entities = len(run_variables(collection.runs[prefix.target]))
-            return collection.pool(entities).take(np.arange(min(wanted, len(collection.found)))), collection.world.control_steps
+            return collection.pool(entities).take(
+                np.arange(min(wanted, len(collection.found)))
+            ), collection.world.control_steps
         collection.step()

@@ -51,7 +51,9 @@ def load_layers(network: nn.Module, layers: Layers) -> None:
 def optimizer_arrays(optimizer: torch.optim.Optimizer) -> dict[str, NDArray[np.generic]]:
     """Copy an optimizer's moments out, named `rank of parameter/moment`."""
     state = optimizer.state_dict()["state"]
-    return {f"{rank}/{name}": value.numpy().copy() for rank, moments in state.items() for name, value in moments.items()}
+    return {
+        f"{rank}/{name}": value.numpy().copy() for rank, moments in state.items() for name, value in moments.items()
+    }
 
 
 def load_optimizer(optimizer: torch.optim.Optimizer, arrays: Mapping[str, NDArray[np.generic]]) -> None:

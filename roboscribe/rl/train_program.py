@@ -197,9 +197,9 @@ def _learn(setting: _Setting, rank: int, run: Run, skills: Mapping[str, Skill]) 
     """Learn one skill, or read it from its checkpoint."""
     name = f"{run.controller}.last" if setting.ends_with(run) else run.controller
     finished = None if setting.checkpoints is None else setting.checkpoints / f"{name}.safetensors"
-    identity = {"controller": run.controller, "until": str(run.until), "seed": setting.seed, "last": setting.ends_with(run)}
+    identity = {"controller": name, "until": str(run.until), "seed": setting.seed}
     if finished is not None and finished.exists():
-        return _read(finished, identity, setting.task)
+        return _read(finished, identity, run.controller, setting.task)
     skill, report = _train(setting, rank, run, skills)
     if finished is not None:
         _write(finished, identity, skill, report)
@@ -245,9 +245,7 @@ def _learner(config: TrainConfig) -> str:
     return "sac" if config.profile == "paper" else "ppo"
 
 
-def _reinforce(
-    setting: _Setting, run: Run, warm: Skill, success: float, task: LearnerTask, log: Log
-) -> Learned:
+def _reinforce(setting: _Setting, run: Run, warm: Skill, success: float, task: LearnerTask, log: Log) -> Learned:
     """Learn by reinforcement, from the warm start by PPO or from scratch by SAC.
 
     An attempt on ψ_R itself is PPO in every profile: it has no time for a replay buffer, and nothing to lose.
@@ -325,11 +323,9 @@ def _spec(setting: _Setting, run: Run, *units: Sequence[str]) -> ObservationSpec
 
 
 def _fresh_skill(setting: _Setting, rank: int, run: Run, pool: StartPool) -> Skill:
-    """Return an untrained skill that sees its arguments, normalised on demonstrated and start states."""
-    frames = _frames(setting, rank, 0)
-    states, entities = pool.states, pool.entities
-    if frames is not None:
-        states, entities = np.concatenate([frames.states, states]), np.concatenate([frames.entities, entities])
+    """Return an untrained skill that sees its arguments, normalised on demonstrated states, else on start states."""
+    frames = _frames(setting, rank, setting.config.clone.extra_frames)
+    states, entities = (pool.states, pool.entities) if frames is None else (frames.states, frames.entities)
     fitted = _spec(setting, run).fitted(setting.task.layout, states, entities)
     return initial_skill(
         Skill(run.controller, fitted, (), setting.task.layout),
@@ -381,11 +377,11 @@ def _write(path: Path, identity: Mapping[str, object], skill: Skill, report: Ski
     write_checkpoint(path, arrays, {**identity, "skill": description, "report": asdict(report)})
 
 
-def _read(path: Path, identity: Mapping[str, object], task: Task) -> tuple[Skill, SkillReport]:
+def _read(path: Path, identity: Mapping[str, object], name: str, task: Task) -> tuple[Skill, SkillReport]:
     arrays, notes = read_checkpoint(path, identity)
     description, report = notes["skill"], notes["report"]
     if not isinstance(description, Mapping) or not isinstance(report, Mapping):
         msg = f"checkpoint {path} holds no skill; delete it to train from the start"
         raise ArtifactError(msg)
-    skill = Skill.from_parts(str(identity["controller"]), description, arrays, task.layout)
+    skill = Skill.from_parts(name, description, arrays, task.layout)
     return skill, SkillReport(**report)

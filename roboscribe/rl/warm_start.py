@@ -45,9 +45,7 @@ class Frames:
         return Samples(self.states, self.entities, self.actions).known()
 
 
-def frames_of(
-    part: Segment, demonstration: Trajectory, beyond: int, actions: bool, action_size: int
-) -> Frames:
+def frames_of(part: Segment, demonstration: Trajectory, beyond: int, actions: bool, action_size: int) -> Frames:
     """Cut a segment out of its demonstration, with `beyond` frames after φ was first true.
 
     Args:
@@ -119,9 +117,7 @@ def candidates(fresh: Skill, samples: Samples, config: TrainConfig, seed: int) -
             yield skill
 
 
-def best_of(
-    skills: Iterator[Skill], success: Callable[[Skill], float], target: float
-) -> tuple[Skill, float] | None:
+def best_of(skills: Iterator[Skill], success: Callable[[Skill], float], target: float) -> tuple[Skill, float] | None:
     """Return the first skill that reaches the target in rollouts, else the best; None where there is none."""
     best: tuple[Skill, float] | None = None
     for skill in skills:

@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import reduce
+from typing import TypeAlias
 
 import numpy as np
 from sklearn.tree import DecisionTreeClassifier
 
-from roboscribe.dsl.rewrite import conjunction, conjuncts, free_vars, size
+from roboscribe.dsl.rewrite import conjunction
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Or, Predicate
+from roboscribe.search.candidates import Candidate, Judged, Samples, judge
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import Candidate, Samples, first_true
 from roboscribe.world.layout import FloatArray
 
 DEPTH = 3
 """Deepest path: more than three atoms in a row explain nothing to a reader."""
+
+
+@dataclass(frozen=True)
+class _Decision:
+    """One side of an inner node."""
+
+    feature: Feature
+    predicate: Predicate
+
+
+_Path: TypeAlias = tuple[_Decision, ...]
 
 
 def learn_decision_tree(features: Sequence[Feature], samples: Samples) -> tuple[Candidate, ...]:
@@ -40,8 +53,7 @@ def learn_decision_tree(features: Sequence[Feature], samples: Samples) -> tuple[
     leaves = list(_positive_leaves(tree, usable, 0, ()))
     if not leaves or leaves == [()]:
         return ()
-    predicate = reduce(Or, [conjunction(leaf) for leaf in leaves])
-    return (_judge(predicate, len([p for leaf in leaves for p in leaf]), samples),)
+    return (_candidate(leaves, states, samples),)
 
 
 def _finite(features: Sequence[Feature], states: FloatArray, samples: Samples) -> tuple[list[Feature], FloatArray]:
@@ -55,8 +67,8 @@ def _finite(features: Sequence[Feature], states: FloatArray, samples: Samples) -
 
 
 def _positive_leaves(
-    tree: DecisionTreeClassifier, features: Sequence[Feature], at: int, path: tuple[Predicate, ...]
-) -> Iterator[tuple[Predicate, ...]]:
+    tree: DecisionTreeClassifier, features: Sequence[Feature], at: int, path: _Path
+) -> Iterator[_Path]:
     nodes = tree.tree_
     if nodes.children_left[at] == nodes.children_right[at]:
         if bool(tree.classes_[nodes.value[at][0].argmax()]):
@@ -64,30 +76,15 @@ def _positive_leaves(
         return
     feature = features[nodes.feature[at]]
     threshold = float(f"{nodes.threshold[at]:.4g}")
-    yield from _positive_leaves(tree, features, nodes.children_left[at], (*path, feature.below(threshold)))
-    yield from _positive_leaves(tree, features, nodes.children_right[at], (*path, feature.above(threshold)))
+    below, above = _Decision(feature, feature.below(threshold)), _Decision(feature, feature.above(threshold))
+    yield from _positive_leaves(tree, features, nodes.children_left[at], (*path, below))
+    yield from _positive_leaves(tree, features, nodes.children_right[at], (*path, above))
 
 
-def _judge(predicate: Predicate, atoms: int, samples: Samples) -> Candidate:
+def _candidate(leaves: Sequence[_Path], states: FloatArray, samples: Samples) -> Candidate:
+    predicate = reduce(Or, [conjunction([decision.predicate for decision in leaf]) for leaf in leaves])
+    features = [decision.feature for leaf in leaves for decision in leaf]
+    spreads = {str(f.term): float(f"{np.std(f.values(states, samples.layout)):.4g}") for f in features}
     negatives = holds(predicate, samples.negatives, {}, samples.layout)
     frames = holds(predicate, samples.frames, {}, samples.layout)
-    lengths = np.diff(np.append(samples.starts, len(frames)))
-    first = first_true(frames, samples.starts)
-    after = samples.after.get(frozenset(free_vars(predicate)), np.full(len(first), -1))
-    return Candidate(
-        predicate=predicate,
-        accepted=float(negatives.mean()) if negatives.size else 0.0,
-        initial=float(np.mean(first == 0)),
-        kept=float(frames.mean()),
-        first=float(np.median(first / np.maximum(1, lengths - 1))),
-        copy=False,
-        relevant=samples.goal_entities <= set(free_vars(predicate)),
-        advances=bool(np.mean(first > after) >= 0.95),
-        margin=0.0,
-        scales=(),
-        entities=len(free_vars(predicate)),
-        detail=atoms,
-        own_goal=False,
-        size=size(predicate),
-        family=" ".join(str(p) for p in conjuncts(predicate)),
-    )
+    return judge(Judged(predicate, features, negatives, frames, 0.0, tuple(spreads.items())), samples)

@@ -1,6 +1,7 @@
 """Expressions α of the grammar (Fig. 12), enumerated for whatever objects and attributes a task declares.
 
-Nothing here knows a task. An expression is offered when the grammar derives it and its units agree: coordinates,
+Nothing here knows a task. Velocities are left out: a subgoal is a place to be, not a speed, for it must be possible to
+stay in it. An expression is offered when the grammar derives it and its units agree: coordinates,
 differences of one attribute of two objects, their norms, and angles between objects that share a point.
 """
 
@@ -136,7 +137,8 @@ def _expressions(layout: Layout, kinds: dict[str, ObjectType]) -> Iterator[Featu
 def _objects(layout: Layout, kinds: dict[str, ObjectType]) -> list[tuple[Object, tuple[Attribute, ...]]]:
     found: list[tuple[Object, tuple[Attribute, ...]]] = [(Robot(), layout.robot.attributes)]
     found += [(Var(name), kind.attributes) for name, kind in kinds.items()]
-    return found + [(Goal(Var(name)), kind.goal) for name, kind in kinds.items() if kind.goal]
+    found += [(Goal(Var(name)), kind.goal) for name, kind in kinds.items() if kind.goal]
+    return [(item, tuple(a for a in attributes if not a.unit.endswith("/s"))) for item, attributes in found]
 
 
 def _coordinates(item: Object, attribute: Attribute) -> Iterator[Feature]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from roboscribe.dsl.rewrite import free_vars, uses_robot, walk
-from roboscribe.dsl.syntax import Arctan2, Diff, Exists, Goal, Norm, Not, Predicate, Proj, Robot, Var
+from roboscribe.dsl.rewrite import Node, free_vars, uses_robot, walk
+from roboscribe.dsl.syntax import Arctan2, Diff, Exists, Goal, Norm, Not, Object, Predicate, Proj, Robot, Var
 
 
 def name_predicate(predicate: Predicate, taken: set[str]) -> str:
@@ -19,7 +19,7 @@ def _shape(predicate: Predicate) -> str:
         return "align"
     if isinstance(predicate, Not) and isinstance(predicate.of, Exists) and uses_robot(predicate):
         return "leave"
-    pairs = [{type(n.of.left.of), type(n.of.right.of)} for n in nodes if _compares_objects(n)]
+    pairs = [_compared(n) for n in nodes]
     for pair, name in (({Robot, Var}, "hold"), ({Var, Goal}, "at"), ({Robot, Goal}, "reach")):
         if pair in pairs and len(free_vars(predicate)) <= 1:
             return name
@@ -27,10 +27,10 @@ def _shape(predicate: Predicate) -> str:
     return "open" if "opening" in fields else "phi"
 
 
-def _compares_objects(node: object) -> bool:
-    return (
-        isinstance(node, Norm)
-        and isinstance(node.of, Diff)
-        and isinstance(node.of.left, Proj)
-        and isinstance(node.of.right, Proj)
-    )
+def _compared(node: Node) -> set[type[Object]]:
+    """Kinds of the two objects whose distance a node is; empty for other nodes."""
+    match node:
+        case Norm(Diff(Proj(one, _), Proj(other, _))):
+            return {type(one), type(other)}
+        case _:
+            return set()

@@ -2,25 +2,29 @@
 
     P → L | L ∧ P            L → U | ¬U | ∃v'. C | ¬∃v'. C            C → A | ¬A | A ∧ A (literals)
 
-U are atoms about the entity itself, A atoms about it and another one. Truth tables are bitsets over the examples, so
-a candidate costs a few machine words; candidates with the truth table of a cheaper one are dropped.
+U are atoms about the entity itself, A atoms about it and another one. Nothing is interpreted while candidates are
+enumerated: atoms arrive with their truth tables; examples on which all atoms agree are counted instead of repeated;
+literals with the table of a cheaper one are dropped; and all conjunctions that share their first literals are judged by
+one product of matrices.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import conjunction
 from roboscribe.dsl.syntax import And, Exists, Not, Predicate, Var
-from roboscribe.world.layout import BoolArray
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 LONGEST = 3
 """Most literals of a conjunction."""
 EXISTS_COST = 1
+BUDGET = 20_000_000
+"""Most conjunctions that one search may judge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +46,21 @@ class Atoms:
     kind: str
 
 
-@dataclass(frozen=True, eq=False)
-class _Entry:
-    predicate: Predicate
-    cost: int
-    bits: NDArray[np.uint8]
+@dataclass(frozen=True)
+class Enumeration:
+    """What a search found, and how much it judged.
+
+    Args:
+        best: the cheapest separating predicate, of equals the most accurate; None when there is none.
+        candidates: conjunctions judged.
+    """
+
+    best: Predicate | None
+    candidates: int
 
 
 def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predicate | None:
-    """Enumerate conjunctions, cheapest first, until one separates the examples.
+    """Find the cheapest conjunction that separates the examples.
 
     Args:
         atoms: literals' atoms with their truth on X examples.
@@ -62,41 +72,42 @@ def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predic
 
     Source: TOPDOWNENUM in Algorithm 6, line 15.
     """
-    labels = np.packbits(positive)
-    literals = [e for e in _distinct(_literals(atoms, len(positive))) if _misses(e.bits, labels, positive) <= tolerance]
-    found: list[tuple[int, float, str, Predicate]] = []
+    return enumerate_conjunctions(atoms, positive, tolerance).best
+
+
+def enumerate_conjunctions(atoms: Atoms, positive: BoolArray, tolerance: float, budget: int = BUDGET) -> Enumeration:
+    """Judge every conjunction of up to three literals, as long as the budget lasts; arguments as `top_down_enum`."""
+    atoms, kinds = _distinct_examples(atoms, len(positive))
+    count = kinds.max(initial=-1) + 1
+    door = _Door(
+        literals(atoms),
+        np.bincount(kinds[positive], minlength=count).astype(np.float64),
+        np.bincount(kinds[~positive], minlength=count).astype(np.float64),
+        tolerance,
+        budget,
+    )
     for length in range(1, LONGEST + 1):
-        for chosen in combinations(literals, length):
-            bits = np.bitwise_and.reduce([e.bits for e in chosen])
-            missed, accepted = _misses(bits, labels, positive), _accepts(bits, labels, positive)
-            if missed <= tolerance and accepted <= tolerance:
-                predicate = conjunction([e.predicate for e in chosen])
-                found.append((sum(e.cost for e in chosen), missed + accepted, str(predicate), predicate))
-    return min(found, key=lambda f: f[:3])[3] if found else None
+        door.judge_all(length)
+    return Enumeration(door.cheapest(), door.candidates)
 
 
-def _literals(atoms: Atoms, examples: int) -> list[_Entry]:
-    """All literals, cheapest first."""
-    entries = [_Entry(a.predicate, a.cost, np.packbits(a.truth)) for a in atoms.outer]
-    entries += _existentials(atoms)
-    full = np.packbits(np.ones(examples, dtype=np.bool_))  # padding bits stay 0
-    negated = [_Entry(Not(e.predicate), e.cost, ~e.bits & full) for e in entries]
-    return sorted([*entries, *negated], key=lambda e: (e.cost, str(e.predicate)))
+def literals(atoms: Atoms) -> list[Literal]:
+    """List the literals that atoms give rise to, cheapest first, each truth table (X,) once."""
+    positive = [*atoms.outer, *_existentials(atoms)]
+    both = [*positive, *(Literal(Not(p.predicate), p.cost, ~p.truth) for p in positive)]
+    seen: dict[bytes, Literal] = {}
+    for literal in sorted(both, key=lambda p: p.cost):
+        seen.setdefault(literal.truth.tobytes(), literal)
+    return list(seen.values())
 
 
-def _existentials(atoms: Atoms) -> list[_Entry]:
-    """∃v'. C for one and two literals, over all pairs at once."""
-    if not atoms.inner:
-        return []
+def _existentials(atoms: Atoms) -> Iterator[Literal]:
+    """∃v'. C for one and two literals."""
     signed = [s for a in atoms.inner for s in (a, Literal(Not(a.predicate), a.cost, ~a.truth))]
-    packed = np.stack([np.packbits(s.truth, axis=-1) for s in signed])
-    single = np.bitwise_or.reduce(packed, axis=1)
-    found = [_exists(atoms, s.predicate, s.cost, bits) for s, bits in zip(signed, single, strict=True)]
-    for i, one in enumerate(signed[:-1]):
-        both = np.bitwise_or.reduce(packed[i + 1 :] & packed[i], axis=1)
-        rest = zip(signed[i + 1 :], both, strict=True)
-        found += [_exists(atoms, And(*_ordered(one, s)), one.cost + s.cost, bits) for s, bits in rest]
-    return found
+    for one in signed:
+        yield _exists(atoms, one.predicate, one.cost, one.truth)
+    for one, other in combinations(signed, 2):
+        yield _exists(atoms, And(*_ordered(one, other)), one.cost + other.cost, one.truth & other.truth)
 
 
 def _ordered(one: Literal, other: Literal) -> tuple[Predicate, Predicate]:
@@ -105,24 +116,78 @@ def _ordered(one: Literal, other: Literal) -> tuple[Predicate, Predicate]:
     return first.predicate, second.predicate
 
 
-def _exists(atoms: Atoms, body: Predicate, cost: int, bits: NDArray[np.uint8]) -> _Entry:
-    return _Entry(Exists(atoms.var, atoms.kind, body), cost + EXISTS_COST, bits)
+def _exists(atoms: Atoms, body: Predicate, cost: int, truth: BoolArray) -> Literal:
+    somewhere = np.bitwise_or.reduce(truth.view(np.uint8), axis=0).view(np.bool_)  # far faster than any()
+    return Literal(Exists(atoms.var, atoms.kind, body), cost + EXISTS_COST, somewhere)
 
 
-def _distinct(entries: list[_Entry]) -> list[_Entry]:
-    """Observational equivalence: of literals with one truth table keep the first, that is the cheapest."""
-    seen: dict[bytes, _Entry] = {}
-    for entry in entries:
-        seen.setdefault(entry.bits.tobytes(), entry)
-    return list(seen.values())
+def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
+    """Keep one of all examples on which every atom is equally true, and say (X,) which one stands for which."""
+    rows = [a.truth.reshape(-1, examples) for a in (*atoms.outer, *atoms.inner)]
+    packed = np.packbits(np.concatenate([np.zeros((1, examples), dtype=np.bool_), *rows]), axis=0)
+    columns = np.ascontiguousarray(packed.T).view(np.dtype((np.void, len(packed))))[:, 0]
+    _, kept, kinds = np.unique(columns, return_index=True, return_inverse=True)
+
+    def thin(literal: Literal) -> Literal:
+        return Literal(literal.predicate, literal.cost, literal.truth[..., kept])
+
+    inner = tuple(thin(a) for a in atoms.inner)
+    return Atoms(tuple(thin(a) for a in atoms.outer), inner, atoms.var, atoms.kind), kinds.reshape(-1)
 
 
-_ONES = np.array([bin(byte).count("1") for byte in range(256)], dtype=np.int64)
+@dataclass
+class _Door:
+    """Every candidate passes here: it is counted, judged, and kept if nothing cheaper separates.
 
+    Args:
+        literals: what conjunctions are made of.
+        positives: (X,) how many positive examples there are of each kind.
+        negatives: (X,) how many negative ones.
+        tolerance: share of either that may be judged wrongly.
+        budget: most candidates.
+    """
 
-def _misses(bits: NDArray[np.uint8], labels: NDArray[np.uint8], positive: BoolArray) -> float:
-    return float(_ONES[labels & ~bits].sum() / max(1, positive.sum()))
+    literals: list[Literal]
+    positives: FloatArray
+    negatives: FloatArray
+    tolerance: float
+    budget: int
+    candidates: int = 0
+    found: list[tuple[int, float, tuple[int, ...]]] = field(default_factory=list)
 
+    def __post_init__(self) -> None:
+        """Leave out literals that reject too many positives: no conjunction with them can separate."""
+        tables = np.array([p.truth for p in self.literals], dtype=np.float64).reshape(len(self.literals), -1)
+        missed = 1.0 - tables @ self.positives / max(1.0, float(self.positives.sum()))
+        kept = np.flatnonzero(missed <= self.tolerance)
+        self.literals = [self.literals[i] for i in kept]
+        self.tables = tables[kept]
+        self.costs = np.array([p.cost for p in self.literals], dtype=np.int64)
 
-def _accepts(bits: NDArray[np.uint8], labels: NDArray[np.uint8], positive: BoolArray) -> float:
-    return float(_ONES[~labels & bits].sum() / max(1, (~positive).sum()))
+    def judge_all(self, length: int) -> None:
+        """Judge the conjunctions of `length` literals: one product of matrices for all with the same beginning."""
+        for beginning in combinations(range(len(self.literals)), max(0, length - 2)):
+            if self.candidates >= self.budget:
+                return
+            self.judge(beginning, length)
+
+    def judge(self, beginning: tuple[int, ...], length: int) -> None:
+        """Judge the conjunctions of `length` literals that begin with all but the last two, or with none."""
+        after = beginning[-1] + 1 if beginning else 0
+        head = self.tables[list(beginning)].prod(axis=0)
+        tails = self.tables[after:]
+        others = tails if length > 1 else np.ones_like(tails[:1])
+        new = np.triu(np.ones((len(tails), len(tails)), dtype=np.bool_), 1) if length > 1 else np.ones((1, len(tails)))
+        missed = 1.0 - (others * head * self.positives) @ tails.T / max(1.0, float(self.positives.sum()))
+        accepted = (others * head * self.negatives) @ tails.T / max(1.0, float(self.negatives.sum()))
+        self.candidates += int(new.sum())
+        for i, j in np.argwhere((missed <= self.tolerance) & (accepted <= self.tolerance) & (new > 0)):
+            chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
+            wrong = round(float(missed[i, j] + accepted[i, j]), 12)
+            self.found.append((int(self.costs[list(chosen)].sum()), wrong, chosen))
+
+    def cheapest(self) -> Predicate | None:
+        """The cheapest candidate found, then the most accurate, then the first by its text."""
+        least = min((f[:2] for f in self.found), default=None)
+        equals = [conjunction([self.literals[i].predicate for i in f[2]]) for f in self.found if f[:2] == least]
+        return min(equals, key=str, default=None)

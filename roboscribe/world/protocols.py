@@ -38,14 +38,25 @@ class World(Protocol):
 class Task(Protocol):
     """What is asked of the robot. `solved` is the black box ψ_R: the learner may query it, never read it."""
 
-    name: str
-    layout: Layout
-    action_size: int
-    """A."""
-    horizon: int
-    """Control steps of an episode."""
-    frequency: float
-    """Control steps per second."""
+    @property
+    def name(self) -> str:
+        """What the task is called."""
+
+    @property
+    def layout(self) -> Layout:
+        """Objects and the columns of a state."""
+
+    @property
+    def action_size(self) -> int:
+        """A."""
+
+    @property
+    def horizon(self) -> int:
+        """Control steps of an episode."""
+
+    @property
+    def frequency(self) -> float:
+        """Control steps per second."""
 
     def solved(self, states: FloatArray) -> BoolArray:
         """ψ_R on states of shape (..., F); returns (...)."""

@@ -16,7 +16,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from roboscribe.envs import demonstrator
+from roboscribe.envs import demonstrator, tower_moves
 from roboscribe.envs.gym_adapter import make_env, state_of
 from roboscribe.envs.pick_place import PickPlace
 
@@ -58,12 +58,13 @@ def ours(blocks: int, timing: str) -> Turn:
     """Prepare `ROWS` worlds; each call runs one episode of all of them."""
     world = PickPlace("bench", blocks, contact="paper", timing=timing).world(ROWS)
     rows = np.arange(ROWS)
+    command = (demonstrator.SINGLE if blocks == 1 else tower_moves.SERVE).command
 
     def turn() -> tuple[float, float]:
         rng, watch, before = np.random.default_rng(0), Watch(), world.control_steps
         states = world.reset(rows, rows)
         for _ in range(STEPS):
-            actions = demonstrator.command(blocks, states) + rng.normal(size=(ROWS, 4)) * NOISE
+            actions = command(states) + rng.normal(size=(ROWS, 4)) * NOISE
             with watch:
                 states = world.step(rows, actions)
         return watch.speeds(world.control_steps - before)
@@ -80,7 +81,7 @@ def theirs(episodes: int = 8) -> Turn:
         for seed in range(episodes):
             observation, _ = env.reset(seed=seed)
             for _ in range(STEPS):
-                action = demonstrator.command(1, state_of(observation)[None])[0] + rng.normal(size=4) * NOISE
+                action = demonstrator.command(state_of(observation)[None])[0] + rng.normal(size=4) * NOISE
                 with watch:
                     observation = env.step(action)[0]
         return watch.speeds(episodes * STEPS)

@@ -38,7 +38,7 @@ def compare(seed: int, steps: int, noise: float) -> FloatArray:
     rng = np.random.default_rng(seed)
     seen, gaps = ours.observe(ROW), []
     for _ in range(steps):
-        action = np.clip(demonstrator.command(1, seen) + noise * rng.normal(size=(1, 4)), -1, 1)
+        action = np.clip(demonstrator.command(seen) + noise * rng.normal(size=(1, 4)), -1, 1)
         seen = ours.step(ROW, action)
         gaps.append(np.abs(seen - theirs.step(ROW, action))[0])
     return np.array(gaps)
@@ -103,18 +103,27 @@ def test_a_start_is_the_same_under_every_model(contact: str, timing: str) -> Non
     assert (PickPlace("x", 2, contact, timing).world(1).reset(ROW, np.array([5])) == reference).all()
 
 
-def test_several_blocks_start_apart_and_rest() -> None:
-    task = PickPlace("x", 3, horizon=150)
-    world, rows = task.world(8), np.arange(8)
-    start = world.reset(rows, rows)
-    assert task.layout.size == 7 + 3 * 12
-    assert task.layout.names == ("b1", "b2", "b3")
-    for _ in range(10):
-        state = world.step(rows, np.zeros((8, 4)))
-    before, after = (x[:, 7:].reshape(8, 3, 12)[..., :3] for x in (start, state))
-    assert np.abs(after - before).max() < 0.002, "nothing overlaps, nothing is pushed away"
-    gaps = np.linalg.norm(before[:, :, None] - before[:, None], axis=3) + np.eye(3)
-    assert gaps.min() >= 0.06
+def test_blocks_are_alike() -> None:
+    model = fetch.base_model(3)
+    dofs = [int(model.joint(f"object{i}:joint").dofadr[0]) for i in range(3)]
+    for values in (model.dof_damping, model.dof_dampingpoly, model.dof_armature, model.dof_frictionloss):
+        assert all((values[dofs[0] : dofs[0] + 6] == values[dof : dof + 6]).all() for dof in dofs)
+    geoms = [int(model.geom(f"object{i}").id) for i in range(3)]
+    for values in (model.geom_size, model.geom_friction, model.geom_solref, model.geom_solimp, model.geom_condim):
+        assert (values[geoms] == values[geoms[0]]).all()
+    masses = [float(model.body(f"object{i}").mass[0]) for i in range(3)]
+    assert masses == masses[:1] * 3
+
+
+def test_a_spinning_block_in_the_air_stays_within_physics() -> None:
+    world = PickPlace("x", 2).world(1)
+    world.reset(ROW, ROW)
+    world.engine.states[0, world._places.block_pose[1, 2]] = 0.8
+    world.engine.states[0, world._places.block_speed[1] + 3] = (30.0, 0.0, 20.0)
+    for _ in range(5):
+        state = world.step(ROW, np.zeros((1, 4)))
+    assert not world.diverged(ROW).any()
+    assert state[0, 21] > 0.5, "it still falls"
 
 
 @pytest.mark.parametrize(
@@ -138,16 +147,10 @@ def test_the_demonstrator_succeeds(timing: str) -> None:
     assert np.mean([episode.solved == demonstrator.STAY for episode in wave]) >= 0.95
 
 
-def test_the_demonstrator_moves_two_blocks() -> None:
-    found = PickPlace("x", 2, horizon=100).demonstrate(3, seed=0)
-    assert len(found) == 3
-    assert all(PickPlace("x", 2).solved(trajectory.states[-1]) for trajectory in found)
-
-
 def test_the_demonstrator_has_no_memory() -> None:
     states = PickPlace("x", 1).demonstrate(1, seed=0)[0].states
     order = np.random.default_rng(0).permutation(len(states))
-    assert (demonstrator.command(1, states)[order] == demonstrator.command(1, states[order])).all()
+    assert (demonstrator.command(states)[order] == demonstrator.command(states[order])).all()
 
 
 def test_a_demonstrator_that_fails_says_so() -> None:
@@ -157,7 +160,13 @@ def test_a_demonstrator_that_fails_says_so() -> None:
 
 @pytest.mark.parametrize(
     ("name", "options"),
-    [("pick-place-0", {}), ("pick-place-1", {"contact": "soft"}), ("pick-place-1", {"timing": "slow"})],
+    [
+        ("pick-place-0", {}),
+        ("towers-5", {}),
+        ("tower-x", {}),
+        ("pick-place-1", {"contact": "soft"}),
+        ("pick-place-1", {"timing": "slow"}),
+    ],
 )
 def test_unknown_tasks_and_options_are_named(name: str, options: dict[str, str]) -> None:
     with pytest.raises(TaskError, match="expected one of"):

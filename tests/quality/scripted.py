@@ -7,31 +7,45 @@ from dataclasses import replace
 import numpy as np
 
 from roboscribe.dsl.interpreter import execute
+from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
 from roboscribe.envs.point_world import POINT_TASKS, Lookahead, PointTask, lookahead_skills
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
+from roboscribe.reward import atom_term, atoms
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.synthesize import Limits, Outcome, Solution, pure_steps, roboscribe
 from roboscribe.world.trajectory import Trajectory
 
 Skills = dict[str, Lookahead]
+PATIENCE = 1.5
+"""Control steps of an episode, in lengths of the longest demonstration: whoever needs longer has failed."""
 
 
 def solve(task: PointTask, trajectories: list[Trajectory], seed: int) -> Solution[Skills] | Fail:
     """Synthesize a program from demonstrations of a point task."""
     evidence = Evidence.of(trajectories, task.solved)
+    horizon = min(task.horizon, int(PATIENCE * max(len(t) for t in trajectories)))
 
     def train(program: Program, psi: str, tree: Tree, skills: Skills) -> Skills:
-        scales = {node.name: node.scales for node in tree.nodes}
-        return {**skills, **lookahead_skills(task, program, lambda name: scales.get(name, {}), seed)}
+        return {**skills, **lookahead_skills(task, program, lambda name: spreads(program, tree, name), seed)}
 
     def roll_out(program: Program, psi: str, skills: Skills) -> Outcome:
         rng = np.random.default_rng(seed)
         seeds = np.arange(16) + 1000 * seed
-        return Outcome.of(execute(program, skills, task, seeds, until_end=psi != ROOT, limits={}, rng=rng))
+        until_end = psi != ROOT
+        ran = execute(program, skills, task, seeds, until_end=until_end, limits={}, rng=rng, horizon=horizon)
+        return Outcome.of(ran)
 
     return roboscribe(pure_steps(evidence, train, roll_out), {}, Limits())
+
+
+def spreads(program: Program, tree: Tree, name: str) -> dict[str, float]:
+    """Scales of a node, by the terms that its controller's `until` is about."""
+    until = next(run.until for run in controllers(program) if run.controller == name)
+    node = next((node for node in tree.nodes if node.name == name), None)
+    pairs = zip(atoms(until), atoms(node.predicate), strict=True) if node else ()
+    return {str(atom_term(mine)): node.scales[str(atom_term(theirs))] for mine, theirs in pairs}
 
 
 def demonstrations(name: str, seed: int, episodes: int = 40, *, shuffled: bool = False) -> list[Trajectory]:

@@ -21,9 +21,7 @@ def distance(left: Robot | Var | Goal, right: Robot | Var | Goal) -> Norm:
 
 HOLD = Less(distance(mu, b), Const(NEAR))
 AT = Less(distance(b, Goal(b)), Const(0.08))
-PROGRAM = Program(
-    "Carry", Seq((Get(b, "block", Truth()), Run("hold", (mu, b), HOLD), Run("at", (mu, b, Goal(b)), AT)))
-)
+PROGRAM = Program("Carry", Seq((Get(b, "block", Truth()), Run("hold", (mu, b), HOLD), Run("at", (mu, b, Goal(b)), AT))))
 
 
 def layout(blocks: int = 1) -> Layout:

@@ -25,19 +25,19 @@ def reaching(count: int, seed: int) -> Samples:
     return Samples(states, entities, Direct(carry=False).act(states, entities))
 
 
-def test_loss_is_the_negative_log_likelihood_up_to_a_constant():
+def test_loss_is_the_negative_log_likelihood_up_to_a_constant() -> None:
     output = torch.tensor([[0.5, -1.0, np.log(2.0), 0.0]])
     target = torch.tensor([[1.5, 1.0]])
     expected = 0.5 * (1 / 2) ** 2 + np.log(2.0) + 0.5 * 2**2
     assert gaussian_loss(output, target, -3.0).item() == pytest.approx(expected)
 
 
-def test_loss_bounds_the_spread_from_below():
+def test_loss_bounds_the_spread_from_below() -> None:
     output = torch.tensor([[0.0, -100.0]])
     assert gaussian_loss(output, torch.tensor([[0.0]]), -3.0).item() == pytest.approx(-3.0)
 
 
-def test_clones_the_demonstrator():
+def test_clones_the_demonstrator() -> None:
     samples = reaching(400, 0)
     *_, (steps, cloned) = clone(blank(samples), samples, QUICK, 0)
     fresh = reaching(200, 1)
@@ -46,19 +46,19 @@ def test_clones_the_demonstrator():
     assert error.mean() < 0.1
 
 
-def test_checkpoints_lie_in_the_second_half():
+def test_checkpoints_lie_in_the_second_half() -> None:
     samples = reaching(50, 0)
     assert [steps for steps, _ in clone(blank(samples), samples, QUICK, 0)] == [150, 200]
 
 
-def test_same_seed_same_weights_another_seed_others():
+def test_same_seed_same_weights_another_seed_others() -> None:
     samples = reaching(50, 0)
     one, same, other = (list(clone(blank(samples), samples, QUICK, seed))[-1][1].layers[0][0] for seed in (0, 0, 1))
     np.testing.assert_array_equal(one, same)
     assert not (one == other).all()
 
 
-def test_a_few_wild_frames_do_not_spoil_the_rest():
+def test_a_few_wild_frames_do_not_spoil_the_rest() -> None:
     samples = reaching(400, 0)
     actions = samples.actions.copy()
     wild = np.random.default_rng(1).choice(400, 20, replace=False)
@@ -68,7 +68,7 @@ def test_a_few_wild_frames_do_not_spoil_the_rest():
     assert np.abs(cloned.act(fresh.states, fresh.entities) - fresh.actions).mean() < 0.15
 
 
-def test_frames_without_an_action_are_left_out():
+def test_frames_without_an_action_are_left_out() -> None:
     samples = reaching(4, 0)
     samples.actions[1] = np.nan
     known = samples.known()
@@ -76,7 +76,7 @@ def test_frames_without_an_action_are_left_out():
     np.testing.assert_array_equal(known.states, samples.states[[0, 2, 3]])
 
 
-def test_segments_of_demonstrations_split_at_hold():
+def test_segments_of_demonstrations_split_at_hold() -> None:
     (demonstration,) = Carry().demonstrate(1, 0)
     first, second = segment(PROGRAM, demonstration)
     gap = np.linalg.norm(demonstration.states[:, :2] - demonstration.states[:, 2:4], axis=1)

@@ -16,7 +16,7 @@ HOLD, AT = controllers(PROGRAM)
 STATE = np.array([[0.1, 0.2, 0.4, 0.8, 0.41, 0.0, 5.0, 6.0, 7.0, 8.0]])
 
 
-def test_a_controller_sees_its_arguments_and_nothing_else():
+def test_a_controller_sees_its_arguments_and_nothing_else() -> None:
     spec = observation_spec(HOLD, {"b": "block"}, layout(2))
     assert spec.parts == (Part(ROBOT, "position"), Part(0, "position"))
     goal = observation_spec(AT, {"b": "block"}, layout(2))
@@ -24,7 +24,7 @@ def test_a_controller_sees_its_arguments_and_nothing_else():
     assert goal.pairs == ((0, 1), (0, 2), (1, 2))
 
 
-def test_raw_values_are_attributes_then_differences():
+def test_raw_values_are_attributes_then_differences() -> None:
     encoder = Encoder(observation_spec(AT, {"b": "block"}, layout(2)), layout(2))
     raw = encoder.raw(STATE, np.array([[0]]))
     np.testing.assert_allclose(
@@ -32,20 +32,21 @@ def test_raw_values_are_attributes_then_differences():
     )
 
 
-def test_each_row_sees_the_entity_bound_there():
+def test_each_row_sees_the_entity_bound_there() -> None:
     encoder = Encoder(observation_spec(HOLD, {"b": "block"}, layout(2)), layout(2))
     raw = encoder.raw(np.repeat(STATE, 2, axis=0), np.array([[1], [0]]))
     np.testing.assert_allclose(raw[:, 2:4], [[5.0, 6.0], [0.4, 0.8]])
 
 
-def test_fine_copies_magnify_and_clip_differences():
+def test_fine_copies_magnify_and_clip_differences() -> None:
     spec = ObservationSpec(("block",), (Part(0, "position"), Part(0, "position", True)), ((0, 1),), (0.05, 0.01))
-    fitted = spec.fitted(layout(1), np.array([[0, 0, 0.0, 0, 0, 0], [0, 0, 1.0, 1, 1, 1.0]]), np.zeros((2, 1), np.int64))
+    known = np.array([[0, 0, 0.0, 0, 0, 0], [0, 0, 1.0, 1, 1, 1.0]])
+    fitted = spec.fitted(layout(1), known, np.zeros((2, 1), np.int64))
     inputs = Encoder(fitted, layout(1))(np.array([[0, 0, 0.5, 0.5, 0.51, 0.5 - 1.0]]), np.zeros((1, 1), np.int64))
     np.testing.assert_allclose(inputs[0, 6:], [-0.2, FINE_CLIP, -1.0, FINE_CLIP], rtol=1e-5)
 
 
-def test_fitted_features_have_mean_zero_and_spread_one():
+def test_fitted_features_have_mean_zero_and_spread_one() -> None:
     rng = np.random.default_rng(0)
     states, entities = rng.normal(3, 2, (500, 10)), rng.integers(2, size=(500, 1))
     spec = observation_spec(HOLD, {"b": "block"}, layout(2)).fitted(layout(2), states, entities)
@@ -54,29 +55,38 @@ def test_fitted_features_have_mean_zero_and_spread_one():
     np.testing.assert_allclose(inputs.std(axis=0), 1, atol=1e-3)
 
 
-def test_a_constant_feature_does_not_explode():
+def test_a_constant_feature_does_not_explode() -> None:
     spec = observation_spec(HOLD, {"b": "block"}, layout(1)).fitted(layout(1), np.ones((9, 6)), np.zeros((9, 1), int))
     assert np.isfinite(Encoder(spec, layout(1))(np.zeros((1, 6)), np.zeros((1, 1), int))).all()
 
 
-def test_attributes_of_other_units_are_left_out_unless_asked_for():
+def test_attributes_of_other_units_are_left_out_unless_asked_for() -> None:
     fast = Attribute("velocity", ("vx", "vy"), "m/s")
     place = Attribute("position", ("x", "y"))
     wide = Layout(ObjectType("EE", (place, fast)), (ObjectType("block", (place, fast), (place,)),))
-    assert all(part.attribute == "position" for part in observation_spec(HOLD, {"b": "block"}, wide).parts)
+    blind = observation_spec(HOLD, {"b": "block"}, wide, robot_units=("m",))
+    assert all(part.attribute == "position" for part in blind.parts)
     more = observation_spec(HOLD, {"b": "block"}, wide, ("m", "m/s"))
-    assert Part(ROBOT, "velocity") in more.parts
+    assert Part(0, "velocity") in more.parts
     assert more.pairs == ((0, 2),), "velocities are not subtracted"
 
 
-def test_size_counts_what_the_network_is_given():
+def test_the_robots_own_velocity_is_seen() -> None:
+    fast = Attribute("velocity", ("vx", "vy"), "m/s")
+    place = Attribute("position", ("x", "y"))
+    wide = Layout(ObjectType("EE", (place, fast)), (ObjectType("block", (place, fast), (place,)),))
+    spec = observation_spec(HOLD, {"b": "block"}, wide)
+    assert spec.parts == (Part(ROBOT, "position"), Part(ROBOT, "velocity"), Part(0, "position"))
+
+
+def test_size_counts_what_the_network_is_given() -> None:
     spec = observation_spec(AT, {"b": "block"}, layout(1)).fitted(layout(1), np.zeros((3, 6)), np.zeros((3, 1), int))
     encoder = Encoder(spec, layout(1))
     assert encoder(np.zeros((3, 6)), np.zeros((3, 1), int)).shape == (3, encoder.size)
     assert encoder.size == 3 * 2 + 3 * 2 * (1 + len(spec.fine))
 
 
-def test_json_round_trip():
+def test_json_round_trip() -> None:
     spec = observation_spec(AT, {"b": "block"}, layout(2)).fitted(layout(2), STATE, np.array([[1]]))
     assert ObservationSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
 
@@ -85,12 +95,12 @@ def test_json_round_trip():
     "damage",
     [{"mean": ["a"]}, {"parts": [[0, "position"]]}, {"pairs": [[0, "1"]]}, {"types": "block"}, {"std": [float("nan")]}],
 )
-def test_damaged_json_is_refused(damage: dict[str, object]):
+def test_damaged_json_is_refused(damage: dict[str, object]) -> None:
     spec = observation_spec(AT, {"b": "block"}, layout(1)).to_json()
     with pytest.raises(ArtifactError, match="observation spec"):
         ObservationSpec.from_json(spec | damage)
 
 
-def test_missing_field_is_refused():
+def test_missing_field_is_refused() -> None:
     with pytest.raises(ArtifactError, match="types"):
         ObservationSpec.from_json({})

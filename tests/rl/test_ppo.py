@@ -1,5 +1,6 @@
 """PPO: solves a one-step problem, never returns less than it was given, and resumes bit for bit."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,7 +41,7 @@ def weights(skill: Skill) -> np.ndarray:
     return np.concatenate([array.ravel() for layer in skill.layers for array in layer])
 
 
-def test_learns_to_reach():
+def test_learns_to_reach() -> None:
     task, skill = problem(limit=20, target=0.9, budget=20_000)
     config = PpoConfig(worlds=32, steps=20, critic_iterations=2, noise=0.5, actor_rate=5e-4)
     learned = train_ppo(skill, task.evaluate(skill), task, config, seed=0)
@@ -48,7 +49,7 @@ def test_learns_to_reach():
     assert learned.success == task.evaluate(learned.skill)
 
 
-def test_what_evaluates_worse_is_thrown_away():
+def test_what_evaluates_worse_is_thrown_away() -> None:
     task, skill = problem()
     untouched = replace(task, evaluate=lambda candidate: 0.4)
     learned = train_ppo(skill, 0.5, untouched, SMALL, seed=0)
@@ -56,7 +57,7 @@ def test_what_evaluates_worse_is_thrown_away():
     assert learned.success == 0.5
 
 
-def test_only_the_critic_learns_at_first():
+def test_only_the_critic_learns_at_first() -> None:
     task, skill = problem(budget=80)
     moved: list[bool] = []
 
@@ -70,19 +71,19 @@ def test_only_the_critic_learns_at_first():
     assert len(moved) == 2
 
 
-def test_stays_within_its_budget_and_stops_at_the_target():
+def test_stays_within_its_budget_and_stops_at_the_target() -> None:
     task, skill = problem(budget=250)
     assert train_ppo(skill, 0.0, task, SMALL, seed=0).control_steps == 240
     assert train_ppo(skill, 0.7, replace(task, target=0.7), SMALL, seed=0).control_steps == 0
 
 
-def test_gives_up_when_patience_is_spent():
+def test_gives_up_when_patience_is_spent() -> None:
     task, skill = problem(budget=8000)
     stuck = replace(task, evaluate=lambda candidate: 0.0)
     assert train_ppo(skill, 0.5, stuck, replace(SMALL, patience=3), seed=0).control_steps == 80 * 4
 
 
-def test_same_seed_same_weights_another_seed_others():
+def test_same_seed_same_weights_another_seed_others() -> None:
     task, skill = problem()
     learned = [weights(train_ppo(skill, -1.0, task, SMALL, seed).skill) for seed in (3, 3, 4)]
     np.testing.assert_array_equal(learned[0], learned[1])
@@ -93,7 +94,7 @@ class KilledError(Exception):
     """Stands for kill -9."""
 
 
-def test_stopped_and_resumed_it_ends_with_the_same_weights(tmp_path: Path):
+def test_stopped_and_resumed_it_ends_with_the_same_weights(tmp_path: Path) -> None:
     task, skill = problem(budget=80 * 6)
     best = iter(np.linspace(0.1, 0.9, 30).tolist())
     rising = replace(task, evaluate=lambda candidate: next(best))
@@ -114,7 +115,7 @@ def test_stopped_and_resumed_it_ends_with_the_same_weights(tmp_path: Path):
     assert resumed.control_steps == straight.control_steps
 
 
-def test_a_checkpoint_of_another_run_is_refused(tmp_path: Path):
+def test_a_checkpoint_of_another_run_is_refused(tmp_path: Path) -> None:
     task, skill = problem()
     path = tmp_path / "hold.ppo.safetensors"
     train_ppo(skill, 0.0, task, SMALL, 0, checkpoint=path)
@@ -122,8 +123,10 @@ def test_a_checkpoint_of_another_run_is_refused(tmp_path: Path):
         train_ppo(skill, 0.0, task, SMALL, 1, checkpoint=path)
 
 
-@pytest.mark.parametrize("damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"\x80\x04K\x01."])
-def test_a_damaged_or_pickled_checkpoint_is_refused(tmp_path: Path, damage):
+@pytest.mark.parametrize(
+    "damage", [lambda data: data[: len(data) // 2], lambda data: b"", lambda data: b"\x80\x04K\x01."]
+)
+def test_a_damaged_or_pickled_checkpoint_is_refused(tmp_path: Path, damage: Callable[[bytes], bytes]) -> None:
     path = tmp_path / "hold.ppo.safetensors"
     write_checkpoint(path, {"a": np.arange(9.0)}, {"seed": 1})
     path.write_bytes(damage(path.read_bytes()))
@@ -131,7 +134,7 @@ def test_a_damaged_or_pickled_checkpoint_is_refused(tmp_path: Path, damage):
         read_checkpoint(path, {})
 
 
-def test_writing_a_checkpoint_leaves_nothing_else_behind(tmp_path: Path):
+def test_writing_a_checkpoint_leaves_nothing_else_behind(tmp_path: Path) -> None:
     path = tmp_path / "deeper" / "hold.ppo.safetensors"
     write_checkpoint(path, {"a": np.arange(9.0)}, {"seed": 1})
     write_checkpoint(path, {"a": np.arange(3.0)}, {"seed": 1})
@@ -141,7 +144,7 @@ def test_writing_a_checkpoint_leaves_nothing_else_behind(tmp_path: Path):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_metrics_arrive_with_the_steps_spent():
+def test_metrics_arrive_with_the_steps_spent() -> None:
     task, skill = problem()
     seen: list[tuple[int, set[str]]] = []
     train_ppo(skill, 0.0, task, SMALL, 0, lambda metrics, step: seen.append((step, set(metrics))))

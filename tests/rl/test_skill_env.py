@@ -37,14 +37,14 @@ ON_IT = np.array([[0.0, 0.0, 0.01, 0.0, 0.3, 0.3]])
 STILL = np.zeros((1, 2))
 
 
-def test_reward_is_margin_plus_bonus_while_it_holds():
+def test_reward_is_margin_plus_bonus_while_it_holds() -> None:
     far = env(hold(scales={str(HOLD.left): 0.5}), FAR).step(np.array([[1.0, 0.0]]))
     assert far.reward[0] == pytest.approx((1 - GAMMA) * (0.04 - 0.15) / 0.5)
     near = env(hold(), ON_IT).step(STILL)
     assert near.reward[0] == pytest.approx((1 - GAMMA) * (0.04 - 0.01 + 1))
 
 
-def test_success_needs_three_steps_in_a_row_and_is_paid_like_holding_for_ever():
+def test_success_needs_three_steps_in_a_row_and_is_paid_like_holding_for_ever() -> None:
     started_on_it = env(hold(), ON_IT)
     first, second = started_on_it.step(STILL), started_on_it.step(STILL)
     assert not first.terminated[0]
@@ -53,7 +53,7 @@ def test_success_needs_three_steps_in_a_row_and_is_paid_like_holding_for_ever():
     assert second.reward[0] == pytest.approx(first.reward[0] + 1)
 
 
-def test_step_limit_truncates_without_success():
+def test_step_limit_truncates_without_success() -> None:
     slow = env(hold(limit=2), FAR)
     assert not slow.step(STILL).truncated[0]
     outcome = slow.step(STILL)
@@ -62,12 +62,12 @@ def test_step_limit_truncates_without_success():
     np.testing.assert_array_equal(outcome.final, FAR)
 
 
-def test_the_episodes_horizon_bounds_the_attempt():
+def test_the_episodes_horizon_bounds_the_attempt() -> None:
     late = env(hold(limit=20), FAR, elapsed=TASK.horizon - 1)
     assert late.step(STILL).truncated[0]
 
 
-def test_divergence_ends_as_a_failure_that_costs():
+def test_divergence_ends_as_a_failure_that_costs() -> None:
     edge = env(hold(), np.array([[0.99, 0.0, 0.2, 0.0, 0.3, 0.3]]))
     outcome = edge.step(np.array([[1.0, 0.0]]))
     assert outcome.terminated[0]
@@ -75,7 +75,7 @@ def test_divergence_ends_as_a_failure_that_costs():
     assert outcome.reward[0] < -1
 
 
-def test_the_last_skill_goes_on_until_the_task_is_solved():
+def test_the_last_skill_goes_on_until_the_task_is_solved() -> None:
     last = Subtask(TASK, AT, ("b",), 20, maintain=True)
     almost = np.array([[0.23, 0.3, 0.23, 0.3, 0.3, 0.3]])
     made = env(last, almost)
@@ -84,7 +84,7 @@ def test_the_last_skill_goes_on_until_the_task_is_solved():
     assert made.step(np.array([[1.0, 0.0]])).succeeded[0], "one step solves it; no confirmation is asked"
 
 
-def test_the_opaque_goal_pays_one_when_solved():
+def test_the_opaque_goal_pays_one_when_solved() -> None:
     made = env(Subtask(TASK, Solved(), ("b",), 20), np.array([[0.23, 0.3, 0.23, 0.3, 0.3, 0.3]]))
     assert made.step(STILL).reward[0] == 0
     outcome = made.step(np.array([[1.0, 0.0]]))
@@ -92,13 +92,13 @@ def test_the_opaque_goal_pays_one_when_solved():
     assert outcome.reward[0] > 1
 
 
-def test_rows_that_end_start_again_from_the_pool():
+def test_rows_that_end_start_again_from_the_pool() -> None:
     made = env(hold(limit=1), FAR)
     made.step(np.array([[0.0, 1.0]]))
     np.testing.assert_array_equal(made.states, FAR)
 
 
-def test_evaluation_visits_every_start_once_whatever_the_batch():
+def test_evaluation_visits_every_start_once_whatever_the_batch() -> None:
     starts = np.random.default_rng(0).uniform(-0.3, 0.3, (23, 6))
     worlds = [TASK.world(batch) for batch in (1, 4, 23)]
     found = [evaluate_skill(hold(limit=9), pool(starts), Direct(carry=False), world) for world in worlds]
@@ -110,7 +110,7 @@ def test_evaluation_visits_every_start_once_whatever_the_batch():
     assert found[0].success[near].all()
 
 
-def test_starts_of_the_first_skill_are_the_initial_states():
+def test_starts_of_the_first_skill_are_the_initial_states() -> None:
     prefix = Prefix(PROGRAM, 0, {}, {})
     found, steps = collect_starts(prefix, TASK, 6, np.arange(20), np.random.default_rng(0), batch=4)
     assert steps == 0
@@ -118,7 +118,7 @@ def test_starts_of_the_first_skill_are_the_initial_states():
     np.testing.assert_array_equal(found.states, TASK.world(6).reset(np.arange(6), np.arange(6)))
 
 
-def test_starts_of_the_second_skill_are_where_the_first_has_arrived():
+def test_starts_of_the_second_skill_are_where_the_first_has_arrived() -> None:
     prefix = Prefix(PROGRAM, 1, {"hold": Direct(carry=False)}, {})
     found, steps = collect_starts(prefix, TASK, 8, np.arange(20), np.random.default_rng(0), batch=4)
     assert len(found) == 8
@@ -129,7 +129,7 @@ def test_starts_of_the_second_skill_are_where_the_first_has_arrived():
     np.testing.assert_array_equal(again, found.states)
 
 
-def test_a_prefix_that_never_arrives_gives_an_empty_pool():
+def test_a_prefix_that_never_arrives_gives_an_empty_pool() -> None:
     class Idle:
         def act(self, states: np.ndarray, entities: np.ndarray) -> np.ndarray:
             return np.zeros((len(states), 2))
@@ -141,7 +141,7 @@ def test_a_prefix_that_never_arrives_gives_an_empty_pool():
     assert found.entities.shape == (0, 1)
 
 
-def test_pool_caps_splits_and_joins_by_episode():
+def test_pool_caps_splits_and_joins_by_episode() -> None:
     starts = pool(np.random.default_rng(0).uniform(size=(6, 6)))
     repeated = starts.take(np.array([0, 0, 0, 1, 2, 2]))
     np.testing.assert_array_equal(repeated.capped(2).episode, [0, 0, 1, 2, 2])

@@ -1,0 +1,104 @@
+"""The process that copies a run's journal into MLflow while the run is at work, and does not disturb it.
+
+`python -m stages.follow RUN_DIRECTORY MLRUNS` follows one journal until its standard input ends, which is when the
+run ends, however it ends.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import select
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import psutil  # type: ignore[import-untyped]  # it has no types of its own
+
+from stages.mlflow_store import Copier, open_copier, store_identity
+
+PERIOD = 3.0
+"""Seconds between looks at the journal."""
+PATIENCE = 45.0
+"""Seconds for which a store that cannot be reached is tried again after the run's end."""
+log = logging.getLogger(__name__)
+
+
+class Family:
+    """The other processes that the run has started, so that none of them outlives a run that was killed."""
+
+    def __init__(self) -> None:
+        """Remember whose child this process is."""
+        self._parent = psutil.Process(os.getppid())
+        self._known: dict[int, psutil.Process] = {}
+
+    def look(self) -> None:
+        """Note the children that there are now."""
+        with suppress(psutil.NoSuchProcess):
+            found = self._parent.children(recursive=True)
+            self._known |= {child.pid: child for child in found if child.pid != os.getpid()}
+
+    def end(self) -> None:
+        """End them where the run itself is gone; a number given to another process since then is another process."""
+        if not self._parent.is_running():
+            for child in self._known.values():
+                with suppress(psutil.NoSuchProcess):
+                    child.terminate()
+
+
+def follow(directory: Path, mlruns: Path) -> int:
+    """Copy a journal until standard input ends, then once more; returns an exit code, 0 when all is copied."""
+    family = Family()
+    ended_at: float | None = None
+    copier: Copier | None = None
+    identity: list[int] = []
+    while True:
+        last = ended_at is not None
+        if copier is not None and store_identity(mlruns) != identity:
+            os.execv(sys.executable, [sys.executable, "-m", "stages.follow", str(directory), str(mlruns)])
+        try:
+            if copier is None:
+                import matplotlib.figure  # noqa: F401 - takes a second, better now than at the run's end
+
+                copier = open_copier(directory, mlruns)
+                identity = store_identity(mlruns)
+            copier.copy()
+            if last:
+                copier.mark_killed()
+                return 0
+        except _unreachable() as error:
+            log.warning("the tracking store cannot be reached: %s", str(error).splitlines()[0])
+            if ended_at is not None and time.monotonic() - ended_at > PATIENCE:
+                return 1
+        family.look()
+        if ended_at is None and _ended(PERIOD):
+            ended_at = time.monotonic()
+            family.end()
+        elif last:
+            time.sleep(1.0)
+
+
+def _unreachable() -> tuple[type[Exception], ...]:
+    """Name what a store raises that is locked, damaged or gone."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    return (MlflowException, SQLAlchemyError, OSError)
+
+
+def _ended(seconds: float) -> bool:
+    """Wait; True when standard input has ended."""
+    ready, _, _ = select.select([sys.stdin], [], [], seconds)
+    return bool(ready) and not os.read(sys.stdin.fileno(), 1)
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Follow the journal of `arguments[0]` for the store in `arguments[1]`."""
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(message)s")
+    return follow(Path(arguments[0]), Path(arguments[1]))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

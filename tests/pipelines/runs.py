@@ -1,0 +1,59 @@
+"""Small syntheses for tests: point tasks, few episodes, controllers that look ahead or hardly learn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pipelines.audience import Audience
+from pipelines.chain import SCRIPTED, Plan
+from pipelines.home import Home
+from pipelines.session import Engine, Session
+from roboscribe.errors import Fail
+from roboscribe.io.atomic import Json
+from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
+from roboscribe.synthesize import Limits
+from stages.events import Event
+from stages.progress import Progress
+from stages.world import TaskConfig
+
+TASK = TaskConfig("point-pick-place-1")
+
+
+def scripted(seed: int = 0, task: str = TASK.name, **more: object) -> Plan:
+    """Plan a synthesis that takes a second: nothing is learned."""
+    few = {"shown": 12, "tried": 20, "episodes": 40, "video": False}
+    return Plan(TaskConfig(task), seed, SCRIPTED, **{**few, **more})  # type: ignore[arg-type]  # fields of Plan
+
+
+def learned(seed: int = 0) -> Plan:
+    """Plan a synthesis that accepts whatever one short attempt of PPO gives."""
+    ppo = PpoConfig(worlds=8, steps=20, epochs=1, minibatches=2, critic_iterations=1, evaluate_every=2)
+    training = TrainConfig(budget=1200, opaque_budget=1200, pool=PoolConfig(starts=16, evaluation=16), ppo=ppo)
+    return Plan(TASK, seed, limits=Limits(success=0.0), training=training, shown=10, tried=5, episodes=5, video=False)
+
+
+def run(
+    plan: Plan,
+    home: Path,
+    engine: Engine = "local",
+    *,
+    track: bool = False,
+    on_event: Callable[[Event], None] = lambda event: None,
+    on_stage: Callable[[str], None] = lambda label: None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
+) -> dict[str, Json] | Fail:
+    """Run a plan in a directory of its own."""
+    return Session(plan, Home(home), engine, home / "program", track).run(Audience(on_stage, on_event, on_progress))
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    """Read every file of a directory."""
+    files = (path for path in sorted(directory.rglob("*")) if path.is_file())
+    return {path.relative_to(directory).as_posix(): path.read_bytes() for path in files}
+
+
+def outputs(home: Path) -> dict[str, bytes]:
+    """Read what the stages of a run wrote, but for when they wrote it."""
+    found = contents(home / "data" / "stages")
+    return {name: data for name, data in found.items() if Path(name).name not in ("timing.json", "metrics.jsonl")}

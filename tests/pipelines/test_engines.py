@@ -1,0 +1,37 @@
+"""Row 5: with Prefect and without, the outputs are the same; with it, every stage is a named task run."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.pipelines.runs import contents, outputs, run, scripted
+
+SCRIPT = """
+import sys
+from pathlib import Path
+from tests.pipelines.runs import run, scripted
+print(run(scripted(), Path(sys.argv[1]), "prefect")["success"])
+"""
+
+
+def test_row_5_both_engines_give_the_same(tmp_path: Path) -> None:
+    labels: list[str] = []
+    result = run(scripted(), tmp_path / "local", on_stage=labels.append)
+    paths = {"PYTHONPATH": os.pathsep.join(sys.path), "PREFECT_HOME": str(tmp_path / "prefect")}
+    command = [sys.executable, "-c", SCRIPT, str(tmp_path / "flow")]
+    ended = subprocess.run(command, env={**os.environ, **paths}, capture_output=True, text=True, timeout=240)
+    assert ended.returncode == 0, ended.stderr
+    assert isinstance(result, dict)
+    assert ended.stdout.split() == [str(result["success"])]
+    assert contents(tmp_path / "flow" / "program") == contents(tmp_path / "local" / "program")
+    assert outputs(tmp_path / "flow") == outputs(tmp_path / "local")
+    with sqlite3.connect(tmp_path / "prefect" / "prefect.db") as database:
+        tasks = database.execute("select name, state_type from task_run order by expected_start_time").fetchall()
+        flows = database.execute("select name, state_type from flow_run").fetchall()
+    assert tasks == [(label, "COMPLETED") for label in labels]
+    assert flows == [("point-pick-place-1 seed 0", "COMPLETED")]
+    assert {"train hold", "classify ψ_R", "roll out at", "evaluate program"} <= set(labels)

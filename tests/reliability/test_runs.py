@@ -1,0 +1,184 @@
+"""Rows 1, 4, 5, 14 and 16: whatever happens to a run, the same command ends with the same program."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from multiprocessing import get_context
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from pipelines.chain import Plan
+from stages import train
+from stages.journal import read_records
+from stages.mlflow_store import synchronise
+from stages.store import PROGRESS
+from tests.pipelines.runs import contents, learned, outputs, run, scripted
+from tests.pipelines.stores import empty_store, statuses
+
+FORK = get_context("fork")
+"""Children that need not import anything again."""
+PROGRAM = {"controllers.safetensors", "manifest.json", "program.txt", "tree.json"}
+
+
+def start(plan: Plan, home: Path, fatal: Callable[[str], bool] = lambda path: False) -> BaseProcess:
+    """Run a plan in a process of its own, which is killed right before it creates or renames a `fatal` file."""
+
+    def watch(event: str, arguments: tuple[object, ...]) -> None:
+        creates = event == "open" and isinstance(arguments[2], int) and arguments[2] & os.O_CREAT
+        path = str(arguments[0])
+        if (creates or event == "os.rename") and path.startswith(str(home)) and fatal(path):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def work() -> None:
+        sys.addaudithook(watch)
+        run(plan, home)
+
+    process = FORK.Process(target=work)
+    process.start()
+    return process
+
+
+def killed_until_done(plan: Plan, home: Path, seed: int) -> int:
+    """Run a plan again and again, each time killed before one of its next writes; returns how often it was killed."""
+    rng = np.random.default_rng(seed)
+    for kills in range(60):
+        moments = iter(range(int(rng.integers(1, 20 * (kills + 1)))))
+        process = start(plan, home, lambda path, moments=moments: next(moments, None) is None)
+        process.join()
+        if process.exitcode != -signal.SIGKILL:
+            assert process.exitcode == 0
+            return kills
+    pytest.fail("the run never ended")
+
+
+@pytest.mark.parametrize("plan", [scripted, learned])
+@pytest.mark.parametrize("seed", range(2))
+def test_row_1_a_killed_run_goes_on_to_the_same_end(plan: Callable[[], Plan], seed: int, tmp_path: Path) -> None:
+    assert isinstance(run(plan(), tmp_path / "whole"), dict)
+    assert killed_until_done(plan(), tmp_path / "killed", seed) >= 3
+    assert contents(tmp_path / "killed" / "program") == contents(tmp_path / "whole" / "program")
+    assert outputs(tmp_path / "killed") == outputs(tmp_path / "whole")
+
+
+def test_row_1_finished_stages_are_not_repeated(tmp_path: Path) -> None:
+    stopped: list[str] = []
+
+    def stop_at_classify(label: str) -> None:
+        stopped.append(label)
+        if label.startswith("classify"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(scripted(), tmp_path, on_stage=stop_at_classify)
+    written = {path: path.stat().st_mtime_ns for path in (tmp_path / "data" / "stages").rglob("manifest.json")}
+    assert len(written) == len(stopped) - 1
+    run(scripted(), tmp_path)
+    assert {path: path.stat().st_mtime_ns for path in written} == written
+
+
+def test_row_1_a_stage_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
+    """Killed within PPO, the learner does not begin again: no figure is told twice, and its weights are the same."""
+    written = iter(range(3))
+    process = start(
+        learned(), tmp_path / "killed", lambda path: (path.endswith("manifest.json") and "/train/" in path)
+        or (".ppo.safetensors" in path and next(written, None) is None),
+    )  # fmt: skip
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    assert len(list((tmp_path / "killed").glob(f"data/stages/train/*/{PROGRESS}/*.ppo.safetensors"))) == 1
+    resumed: list[int] = []
+    run(learned(), tmp_path / "killed", on_progress=lambda p: resumed.append(p.done) if p.unit == "steps" else None)
+    run(learned(), tmp_path / "whole")
+    assert outputs(tmp_path / "killed") == outputs(tmp_path / "whole")
+    told, undisturbed = (points(tmp_path / home) for home in ("killed", "whole"))
+    assert told == undisturbed
+    assert len(resumed) < len(undisturbed)
+
+
+def points(home: Path) -> list[tuple[object, ...]]:
+    """List controller, step and names of every figure that training told."""
+    (path,) = (home / "data" / "stages" / train.STAGE.name).glob("*/metrics.jsonl")
+    return sorted((r["controller"], r["step"], str(r["names"])) for _, r in read_records(path))
+
+
+def test_row_4_the_seed_decides(tmp_path: Path) -> None:
+    for home, seed in (("first", 0), ("again", 0), ("other", 1)):
+        run(learned(seed), tmp_path / home)
+    first, again, other = (contents(tmp_path / home / "program") for home in ("first", "again", "other"))
+    assert set(first) == PROGRAM
+    assert first == again
+    assert outputs(tmp_path / "first") == outputs(tmp_path / "again")
+    assert first["controllers.safetensors"] != other["controllers.safetensors"]
+
+
+def test_row_14_the_same_run_twice_at_once(tmp_path: Path) -> None:
+    both = [start(scripted(), tmp_path / "both") for _ in range(2)]
+    for process in both:
+        process.join()
+    assert [process.exitcode for process in both] == [0, 0]
+    run(scripted(), tmp_path / "alone")
+    assert contents(tmp_path / "both" / "program") == contents(tmp_path / "alone" / "program")
+    assert outputs(tmp_path / "both") == outputs(tmp_path / "alone")
+
+
+def test_row_16_an_interrupt_is_noted(tmp_path: Path) -> None:
+    """What Ctrl-C raises wherever it finds the run; the next attempt is a word of its own."""
+
+    def interrupt(label: str) -> None:
+        if label.startswith("train"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(scripted(), tmp_path, on_stage=interrupt)
+    assert told_statuses(tmp_path) == ["RUNNING", "KILLED"]
+    run(scripted(), tmp_path)
+    assert told_statuses(tmp_path) == ["RUNNING", "KILLED", "RUNNING", "FINISHED"]
+
+
+def told_statuses(home: Path) -> list[object]:
+    """List what a run's journal says about how the run stands."""
+    (journal,) = (home / "data" / "runs").glob("*/journal.jsonl")
+    own = (record for _, record in read_records(journal) if record["run"] == "")
+    return [record["value"] for record in own if record["kind"] == "status"]
+
+
+def test_row_16_a_signal_ends_a_command_cleanly(tmp_path: Path) -> None:
+    """The command ends with a word about going on, leaves no process behind, and its run is marked as killed."""
+    command = [sys.executable, "-m", "pipelines.cli", "synthesize", "point-pick-place-1", "--profile", "scripted"]
+    command += ["--engine", "local", "--episodes", "50000", "--home", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    empty_store(tmp_path / "mlruns")
+    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
+    try:
+        wait_for(lambda: any((tmp_path / "data").glob("stages/roll_out/*/manifest.json")))
+        family = psutil.Process(process.pid).children(recursive=True)
+        process.send_signal(signal.SIGTERM)
+        said = process.communicate(timeout=300)[1]
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert b"the same command goes on from here" in said
+    assert b"Traceback" not in said
+    assert len(family) == 1
+    _, alive = psutil.wait_procs(family, timeout=120)
+    assert alive == []
+    assert told_statuses(tmp_path) == ["RUNNING", "KILLED"]
+    synchronise(tmp_path / "data" / "runs", tmp_path / "mlruns")
+    assert statuses(tmp_path / "mlruns")["point-pick-place-1 seed 0"] == "KILLED"
+
+
+def wait_for(happened: Callable[[], bool], seconds: float = 300.0) -> None:
+    """Wait until something happened."""
+    end = time.monotonic() + seconds
+    while not happened():
+        assert time.monotonic() < end, "it never happened"
+        time.sleep(0.002)

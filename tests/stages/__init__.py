@@ -1,0 +1,1 @@
+"""Stages, with tiny budgets."""

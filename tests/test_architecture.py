@@ -1,0 +1,99 @@
+"""Who may import whom: the layers of the library, the stages above it, the pipelines above them."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+WORLD = {"errors", "world"}
+LANGUAGE = WORLD | {"dsl"}
+TREE = LANGUAGE | {"search", "subtask_tree", "evidence"}
+LAYERS = {
+    "errors": set(),
+    "world": {"errors"},
+    "dsl": WORLD,
+    "reward": LANGUAGE,
+    "search": LANGUAGE,
+    "subtask_tree": LANGUAGE,
+    "evidence": LANGUAGE | {"subtask_tree"},
+    "classifier": TREE,
+    "loop_guard": TREE,
+    "program_gen": TREE | {"loop_guard"},
+    "synthesize": TREE | {"program_gen", "classifier"},
+    "envs": LANGUAGE | {"reward"},
+    "rl": LANGUAGE | {"reward"},
+    "baselines": LANGUAGE | {"reward", "rl"},
+    "io": LANGUAGE,
+}
+"""What each part of `roboscribe` may import of the others."""
+CORE = set(LAYERS) - {"envs", "rl", "baselines", "io"}
+"""The algorithms: values in, values out."""
+EFFECTS = {"torch", "mujoco", "pyarrow", "mlflow", "prefect"}
+
+
+def imports(path: Path) -> Iterator[str]:
+    """List the modules that a file imports, within functions too."""
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        match node:
+            case ast.Import(names=names):
+                yield from (alias.name for alias in names)
+            case ast.ImportFrom(module=str(module), names=names):
+                yield from (f"{module}.{alias.name}" for alias in names)
+
+
+def part(path: Path) -> str:
+    """Name the part of the library to which a file belongs."""
+    return path.relative_to(ROOT / "roboscribe").parts[0].removesuffix(".py")
+
+
+def files(package: str) -> list[Path]:
+    """List the files of a package."""
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def named(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize("path", files("roboscribe"), ids=named)
+def test_the_library_imports_downwards_only(path: Path) -> None:
+    own = part(path)
+    for module in imports(path):
+        top, _, rest = module.partition(".")
+        assert top not in ("stages", "pipelines", "tests")
+        if top == "roboscribe" and own != "__init__":
+            assert rest.partition(".")[0] in LAYERS[own] | {own}, f"roboscribe/{own} imports {module}"
+
+
+@pytest.mark.parametrize("path", [path for path in files("roboscribe") if part(path) in CORE], ids=named)
+def test_the_algorithms_have_no_effects(path: Path) -> None:
+    assert not {module.partition(".")[0] for module in imports(path)} & EFFECTS
+
+
+@pytest.mark.parametrize("path", files("stages"), ids=named)
+def test_stages_know_no_pipeline(path: Path) -> None:
+    assert not {module.partition(".")[0] for module in imports(path)} & {"pipelines", "prefect", "tests", "typer"}
+
+
+@pytest.mark.parametrize("path", files("pipelines"), ids=named)
+def test_pipelines_do_no_numbers(path: Path) -> None:
+    assert not {module.partition(".")[0] for module in imports(path)} & {"numpy", "scipy", "torch", "mujoco", "tests"}
+
+
+def test_the_flow_is_short() -> None:
+    assert len((ROOT / "pipelines" / "synthesis.py").read_text().splitlines()) <= 60
+
+
+@pytest.mark.parametrize(
+    "path", [path for top in ("roboscribe", "stages", "pipelines") for path in files(top)], ids=named
+)
+def test_modules_have_at_most_400_lines(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= 400
+
+
+def test_every_module_has_a_place() -> None:
+    assert {part(path) for path in files("roboscribe")} - {"__init__"} <= set(LAYERS)
