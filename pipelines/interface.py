@@ -12,6 +12,7 @@ from stages.mlflow_store import ARTIFACTS, database_uri, synchronise
 def serve(home: Home, port: int) -> None:
     """Bring the store up to date and become MLflow's server; foreign hosts and origins are refused."""
     synchronise(home.data / "runs", home.mlruns)
+    os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # workers for what is not used here
     own = [f"127.0.0.1:{port}", f"localhost:{port}"]
     command = [sys.executable, "-m", "mlflow", "ui", "--host", "127.0.0.1", "--port", str(port)]
     command += ["--backend-store-uri", database_uri(home.mlruns), "--workers", "1"]

@@ -25,6 +25,8 @@ from stages.values import tree_to_json
 
 FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_steps", "refinements")
 """Figures of the result that are tracked."""
+STAGES = tuple(f"stages.{name}" for name in ("steps", "collect", "ingest", "evaluate", "package", "film"))
+"""Modules whose code a run depends on."""
 Engine: TypeAlias = Literal["prefect", "local"]
 
 
@@ -104,7 +106,7 @@ class Session:
             msg = f"{given}: cannot be read ({error.strerror}), expected demonstrations in Parquet"
             raise DemonstrationError(msg) from error
         plan = encode(replace(self.plan, demonstrations=None))
-        text = canonical_json({"plan": plan, "demonstrations": digest, "code": code_version("stages.steps")})
+        text = canonical_json({"plan": plan, "demonstrations": digest, "code": [code_version(name) for name in STAGES]})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _synthesize(self, audience: Audience, tracker: Tracker, tally: Tally) -> Synthesized | Fail:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 from pipelines.chain import Plan, Synthesized, chain
+from pipelines.prefect_records import wait_for_records
 from pipelines.prefect_settings import quiet_prefect
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
@@ -26,20 +28,23 @@ def synthesize_with_prefect(title: str, plan: Plan, call: Call, put: Put, tell: 
     from prefect import flow, task
     from prefect.cache_policies import NO_CACHE
     from prefect.exceptions import TerminationSignal
+    from prefect.runtime import flow_run
 
-    configs: dict[str, tuple[AnyStage, Any, Inputs]] = {}
+    called: list[tuple[AnyStage, Any, Inputs]] = []
 
     @task(name="stage", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
     def run_stage(label: str, stage: str, config: Json, inputs: Mapping[str, str]) -> str:
-        return str(call(label, *configs[label]))
+        return str(call(label, *called[-1]))
 
     def named(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-        configs[label] = (stage, config, inputs)
+        called.append((stage, config, inputs))
         return Path(run_stage(label, stage.name, encode(config), {name: str(path) for name, path in inputs.items()}))
 
     @flow(name="synthesis", flow_run_name=title, retries=0, persist_result=False)
     def synthesis(task_name: str, seed: int) -> Synthesized | Fail:
-        return chain(plan, named, put, tell)
+        found = chain(plan, named, put, tell)
+        wait_for_records(UUID(flow_run.get_id()), len(called))
+        return found
 
     try:
         return synthesis(plan.task.name, plan.seed)

@@ -87,9 +87,7 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     return Refinement(psi, node, False, table, len(positives), len(negatives))
 
 
-def _recurring(
-    positives: FloatArray, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str
-) -> Node | None:
+def _recurring(positives: FloatArray, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Node | None:
     """Line 2: a predecessor of ψ that some unhandled entity of the same type satisfies in P_s and never in N_s."""
     for node in tree.predecessors(psi):
         if len(node.entities) == 1:
@@ -151,4 +149,3 @@ def _frames_before(evidence: Evidence, reached: IntArray) -> tuple[FloatArray, I
     parts = [evidence.trajectories[d].states[: reached[d]] for d in kept]
     starts = np.concatenate([[0], np.cumsum(reached[kept])[:-1]]).astype(np.int64)
     return np.concatenate(parts), starts
-

@@ -10,7 +10,7 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename, size
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Goal, Less, Not, Predicate, Proj, Truth, Var
+from roboscribe.dsl.syntax import Goal, Less, Not, Object, Predicate, Proj, Truth, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.search.topdown import Atoms, Literal, top_down_enum
@@ -61,17 +61,16 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the order, the
         demonstrations show none, and the guard need only encode termination.
     """
-    (entity,) = free_vars(node.predicate)
     examples = loop_examples(evidence, node.predicate)
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
-    atoms = _atoms(evidence, tree, node)
-    guard = _search(examples, atoms, entity, evidence)
-    if guard is None:
-        guard = _search(examples[examples.positive | examples.done], atoms, entity, evidence)
-    if guard is None:
-        return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
-    return guard
+    if examples.positive.all():
+        return Truth()
+    for shown in (examples, examples[examples.positive | examples.done]):
+        guard = top_down_enum(guard_atoms(shown, evidence, tree, node), shown.positive, TOLERANCE)
+        if guard is not None:
+            return guard
+    return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
 
 
 def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
@@ -111,65 +110,51 @@ def _label(
     return start + steps, np.repeat(members, length), (steps >= begin) & (steps < end), steps >= end
 
 
-def _search(examples: Examples, atoms: _GuardAtoms, entity: str, evidence: Evidence) -> Predicate | None:
-    if not (~examples.positive).any():
-        return Truth()
-    tables = atoms.tables(examples, entity, evidence)
-    return top_down_enum(tables, examples.positive, TOLERANCE)
-
-
-@dataclass(frozen=True)
-class _GuardAtoms:
-    """Atoms over the loop's entity v, and over v and another entity v' of its type."""
-
-    unary: tuple[tuple[Predicate, int], ...]
-    binary: tuple[tuple[Predicate, int], ...]
-    other: str
-    kind: str
-
-    def tables(self, examples: Examples, entity: str, evidence: Evidence) -> Atoms:
-        """Evaluate every atom on every example, for v' also on every entity of the type."""
-        members = evidence.layout.of_type(self.kind)
-        own = {entity: examples.entities}
-
-        def about_v(p: Predicate) -> BoolArray:
-            return holds(p, examples.states, own, evidence.layout)
-
-        def about_both(p: Predicate) -> BoolArray:
-            each = [holds(p, examples.states, {**own, self.other: e}, evidence.layout) for e in members]
-            return np.stack(each)
-
-        inner = [(rename(p, {entity: self.other}), cost) for p, cost in self.unary] + list(self.binary)
-        return Atoms(
-            outer=tuple(Literal(p, cost, about_v(p)) for p, cost in self.unary),
-            inner=tuple(Literal(p, cost, about_both(p)) for p, cost in inner),
-            var=Var(self.other),
-            kind=self.kind,
-        )
-
-
 LEARNED_COST = 1
 COMPARISON_COST = 2
 
 
-def _atoms(evidence: Evidence, tree: Tree, node: Node) -> _GuardAtoms:
-    """Learned predicates about the entity, and comparisons of coordinates of entities and goals."""
+def guard_atoms(examples: Examples, evidence: Evidence, tree: Tree, node: Node) -> Atoms:
+    """Tabulate the atoms of a guard: learned predicates, and comparisons of coordinates of entities and goals.
+
+    Args:
+        examples: where the atoms are evaluated.
+        evidence: demonstrations, for layout and types.
+        tree: T.
+        node: the circular node ∃o.φ; the loop's entity v has the name of φ's.
+
+    Returns:
+        Atoms about v, and, for every entity v' of its type, about v' and about both.
+    """
     (entity,) = free_vars(node.predicate)
-    kind = evidence.types[entity]
-    other = f"{evidence.layout.letter(kind)}'"
-    learned = [n.predicate for n in (node, *tree.below(node.name)) if free_vars(n.predicate) == (entity,)]
-    own = [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity,))]
-    pairs = [p for p in _comparisons(evidence, (entity, other)) if len(free_vars(p)) == 2]
-    unary = [*((p, LEARNED_COST) for p in dict.fromkeys(learned)), *own]
-    return _GuardAtoms(tuple(unary), tuple((p, COMPARISON_COST) for p in pairs), other, kind)
+    kind, layout = evidence.types[entity], evidence.layout
+    other = f"{layout.letter(kind)}'"
+    nodes = (node, *tree.below(node.name))
+    learned = dict.fromkeys(n.predicate for n in nodes if free_vars(n.predicate) == (entity,))
+    own = [(p, LEARNED_COST) for p in learned] + [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity,))]
+    both = [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity, other)) if len(free_vars(p)) == 2]
+
+    def truth(p: Predicate, others: int | None = None) -> BoolArray:
+        binding = {entity: examples.entities} if others is None else {entity: examples.entities, other: others}
+        return holds(p, examples.states, binding, layout)
+
+    members = layout.of_type(kind)
+    inner = [(rename(p, {entity: other}), cost) for p, cost in own] + both
+    return Atoms(
+        outer=tuple(Literal(p, cost, truth(p)) for p, cost in own),
+        inner=tuple(Literal(p, cost, np.stack([truth(p, e) for e in members])) for p, cost in inner),
+        var=Var(other),
+        kind=kind,
+    )
 
 
 def _comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
     """α < α over single coordinates of lengths of the entities `names` (all of one type) and of their goals."""
     kind = evidence.layout.types[evidence.types[names[0]]]
     for attribute in (a for a in kind.attributes if a.unit == "m"):
-        objects = [Var(n) for n in names]
-        goals = [Goal(Var(n)) for n in names] if any(g.name == attribute.name for g in kind.goal) else []
+        objects: list[Object] = [Var(n) for n in names]
+        with_goal = any(g.name == attribute.name for g in kind.goal)
+        goals: list[Object] = [Goal(Var(n)) for n in names] if with_goal else []
         for one, two in product([*goals, *objects], repeat=2):
             if one != two:
                 yield from (Less(Proj(one, c), Proj(two, c)) for c in attribute.components)

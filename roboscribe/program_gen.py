@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -77,10 +78,7 @@ class _Writer:
         body = self.predecessors(self.tree.predecessors(node.name))
         if isinstance(body, Fail) or (self.done and not node.circular):
             return body
-        if node.circular:
-            written = self.loop(node, body)
-        else:
-            written = seq(body, *self.run(node))
+        written = self.loop(node, body) if node.circular else seq(body, *self.run(node))
         self.done = self.done or node.name == self.goal
         return written
 
@@ -105,7 +103,7 @@ class _Writer:
         """Sort by i(D, φ), the step at which φ is reached (a circular φ: by its first entity); None if it varies."""
         first = {n.name: self.evidence.first_steps(n.lifted(self.evidence.types)) for n in nodes}
         ranked = sorted(nodes, key=lambda n: float(np.median(first[n.name])))
-        pairs = zip(ranked, ranked[1:], strict=False)
+        pairs = pairwise(ranked)
         consistent = all(np.mean(first[a.name] < first[b.name]) >= 0.95 for a, b in pairs)
         return ranked if consistent else None
 
@@ -154,7 +152,7 @@ class _Writer:
         return Run(node.name, _arguments(predicate), predicate)
 
     def opaque(self) -> Run:
-        """The controller that is asked for ψ_R at once; it sees μ and one entity of each type with its goal."""
+        """Ask one controller for ψ_R at once; it sees μ and one entity of each type with its goal."""
         args: list[Object] = [Robot()]
         for kind in self.evidence.layout.types.values():
             entity = next(n for n, k in self.evidence.types.items() if k == kind.name)

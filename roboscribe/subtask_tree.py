@@ -10,6 +10,7 @@ import numpy as np
 from roboscribe.dsl.rewrite import alpha_equivalent, exist_quant, free_vars
 from roboscribe.dsl.syntax import Predicate, Solved, Truth
 from roboscribe.errors import Fail
+from roboscribe.world.layout import IntArray
 
 TRUE = "True"
 ROOT = "ψ_R"
@@ -93,7 +94,7 @@ NEVER = np.iinfo(np.int64).max
 """First step of a predicate that a demonstration never satisfies."""
 
 
-def validate(tree: Tree, first_steps: Mapping[str, np.ndarray], share: float = 0.95) -> Fail | None:
+def validate(tree: Tree, first_steps: Mapping[str, IntArray], share: float = 0.95) -> Fail | None:
     """Check every edge of a tree against the demonstrations.
 
     Args:

@@ -142,9 +142,7 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
     return synthesize(ROOT, Tree(), skills, steps, limits)
 
 
-def synthesize(
-    psi: str, tree: Tree, skills: Skills, steps: Steps[Skills], limits: Limits
-) -> Solution[Skills] | Fail:
+def synthesize(psi: str, tree: Tree, skills: Skills, steps: Steps[Skills], limits: Limits) -> Solution[Skills] | Fail:
     """Find a program that reaches ψ, refining the tree where the present one fails.
 
     Args:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import fcntl
 import logging
 import os
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -36,6 +37,8 @@ ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
 ENDED = ("FINISHED", "FAILED", "KILLED")
 BATCH = 1000
+_NEW = ".new-"
+"""How directories begin in which a database is being created."""
 log = logging.getLogger(__name__)
 
 
@@ -52,7 +55,9 @@ def ensure_store(mlruns: Path) -> None:
             return
         from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
-        with tempfile.TemporaryDirectory(dir=mlruns, prefix=".new-") as scratch:
+        for left in mlruns.glob(f"{_NEW}*"):
+            shutil.rmtree(left)
+        with tempfile.TemporaryDirectory(dir=mlruns, prefix=_NEW) as scratch:
             fresh = Path(scratch) / DATABASE
             root = (mlruns / ARTIFACTS).resolve()
             store: Any = SqlAlchemyStore  # not typed

@@ -10,6 +10,8 @@ from roboscribe.world.protocols import Task
 CONTACTS = ("stable", "paper")
 TIMINGS = ("faithful", "fast")
 GYM = "gym:FetchPickAndPlace-v4"
+POINT = "point-"
+"""How the names of tasks in the plane begin; they take no contact model and no timing."""
 
 
 STEPS_PER_BLOCK = 50
@@ -22,7 +24,9 @@ def task_names() -> tuple[str, ...]:
 
     In a crowded task blocks start as near to each other and to goals as in the paper, and some cannot be picked there.
     """
-    return ("pick-place-1", "pick-place-4", "tower-5", "multitower-6", "pyramid-6", GYM)
+    from roboscribe.envs.point_world import POINT_TASKS
+
+    return ("pick-place-1", "pick-place-4", "tower-5", "multitower-6", "pyramid-6", GYM, *POINT_TASKS)
 
 
 def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Task:
@@ -46,12 +50,24 @@ def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Ta
         from roboscribe.envs.gym_adapter import GymFetch
 
         return GymFetch(name)
+    if name.startswith(POINT):
+        return _point_task(name)
     family = FAMILIES.fullmatch(name)
     if family is None:
         msg = f"unknown task {name!r}: expected one of {', '.join(task_names())}, or another number of blocks"
         raise TaskError(msg)
     shape, blocks, crowded = family[1], int(family[2]), family[3] is not None
     return _fetch_task(name, shape, blocks, crowded=crowded, contact=contact, timing=timing)
+
+
+def _point_task(name: str) -> Task:
+    """Look up a task of the plane."""
+    from roboscribe.envs.point_world import POINT_TASKS
+
+    if name not in POINT_TASKS:
+        msg = f"unknown task {name!r}: expected one of {', '.join(POINT_TASKS)}"
+        raise TaskError(msg)
+    return POINT_TASKS[name]
 
 
 def _fetch_task(name: str, shape: str, blocks: int, *, crowded: bool, contact: str, timing: str) -> Task:

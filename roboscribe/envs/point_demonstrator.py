@@ -44,7 +44,7 @@ def demonstrate(task: PointTask, episodes: int, seed: int) -> list[Trajectory]:
 
 
 def _episodes(task: PointTask, rngs: list[np.random.Generator]) -> list[Trajectory]:
-    """One episode per generator, side by side; each stops STAY steps after it is solved, at the latest at the horizon."""
+    """Run one episode per generator, side by side; each ends STAY steps after it is solved or at the horizon."""
     world = task.world(len(rngs))
     seeds = np.concatenate([rng.integers(2**31, size=1) for rng in rngs])
     states = [world.reset(np.arange(len(rngs)), seeds)]
@@ -70,9 +70,7 @@ def _noisy(action: FloatArray, rng: np.random.Generator) -> FloatArray:
     return np.clip(action + noise, -1.0, 1.0)
 
 
-def _cut(
-    task: PointTask, states: list[FloatArray], actions: list[FloatArray], row: int, length: int
-) -> Trajectory:
+def _cut(task: PointTask, states: list[FloatArray], actions: list[FloatArray], row: int, length: int) -> Trajectory:
     history = np.stack([state[row] for state in states[: length + 1]])
     return Trajectory(task.layout, history, np.stack([action[row] for action in actions[:length]]), history)
 
@@ -100,7 +98,7 @@ def _served(layout: Layout, state: FloatArray, entity: int) -> bool:
 
 
 def _error(layout: Layout, state: FloatArray, entity: int) -> FloatArray:
-    """What is missing to the goal, as a displacement of the gripper (2,)."""
+    """Return what is missing to the goal, as a displacement of the gripper (2,)."""
     name = layout.entities[entity].goal[0].name
     missing = state[layout.columns[entity, name, True]] - state[layout.columns[entity, name, False]]
     return missing if name == "position" else np.array([missing[0], 0.0])
@@ -135,5 +133,5 @@ def _push(layout: Layout, state: FloatArray, entity: int) -> FloatArray:
 
 
 def _towards(displacement: FloatArray) -> FloatArray:
-    """Action (2,) that moves by `displacement`, at most at full speed."""
+    """Build the action (2,) that moves by `displacement`, at most at full speed."""
     return np.asarray(displacement / max(0.05, float(np.abs(displacement).max())))

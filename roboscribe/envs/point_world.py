@@ -164,7 +164,8 @@ class PointWorld:
 
     def diverged(self, rows: IntArray) -> BoolArray:
         """Which rows are no longer finite: none ever, kinematics cannot break."""
-        return ~np.isfinite(self._states[rows]).all(axis=-1)
+        broken: BoolArray = ~np.isfinite(self._states[rows]).all(axis=-1)
+        return broken
 
     def save(self, rows: IntArray) -> FloatArray:
         """Return snapshots."""
@@ -197,7 +198,8 @@ class Lookahead:
         moves = np.concatenate([speed * heading for speed in SPEEDS])
         if not self.task.fingers:
             return moves
-        return np.concatenate([np.column_stack([moves, np.full(len(moves), f)]) for f in (-1.0, 1.0)])
+        opened, closed = (np.column_stack([moves, np.full(len(moves), f)]) for f in (-1.0, 1.0))
+        return np.asarray(np.vstack([opened, closed]), dtype=np.float64)
 
     def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """Choose an action (R, A) for states (R, F)."""
@@ -205,14 +207,15 @@ class Lookahead:
         choices = self._choices
         drawn = choices[rng.integers(len(choices), size=len(states))]
         if isinstance(self.run.until, Solved):
-            return drawn
+            return np.asarray(drawn)
         after = advance(self.task.layout, self.task.fingers, states[:, None], choices[None])
         value = self._reward(np.concatenate([states[:, None], after], axis=1), entities)
         gain = value[:, 1:] - value[:, :1] - PRICE * np.linalg.norm(choices[:, :2], axis=1)
         best = choices[gain.argmax(axis=1)]
         drift = DRIFT * drawn[:, :2] / np.linalg.norm(drawn[:, :2], axis=1, keepdims=True)
         pays = gain.max(axis=1, keepdims=True) > 0.0
-        return np.concatenate([np.where(pays, best[:, :2], drift), best[:, 2:]], axis=1)
+        action: FloatArray = np.concatenate([np.where(pays, best[:, :2], drift), best[:, 2:]], axis=1)
+        return action
 
     def _reward(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """R_φ in states (R, C, F) for entities (R, n); as flat rows, which are evaluated fastest."""

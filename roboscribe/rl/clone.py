@@ -75,9 +75,7 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
         network = mlp([inputs.shape[1], *config.hidden, 2 * actions])
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
-    stops = {
-        config.steps * (config.checkpoints + 1 + rank) // (2 * config.checkpoints) for rank in range(config.checkpoints)
-    }
+    stops = {config.steps * (rank + 1) // config.checkpoints for rank in range(config.checkpoints)}
     for step in range(1, config.steps + 1):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
         blurred = inputs[batch] + config.input_noise * torch.randn(config.batch, inputs.shape[1], generator=generator)

@@ -14,7 +14,7 @@ class CloneConfig:
 
     Args:
         steps: gradient steps.
-        checkpoints: how many evenly spaced weights of the second half are tried by rollouts.
+        checkpoints: how many evenly spaced weights are tried by rollouts.
         batch: samples per step.
         learning_rate: Adam's, falling to zero along a cosine.
         hidden: units of each hidden layer.
@@ -42,7 +42,11 @@ class InverseConfig:
     """Inverse dynamics for demonstrations without actions.
 
     Args:
-        tries: random actions tried from each demonstrated state.
+        tries: random actions tried from each demonstrated simulator state.
+        steps_from_starts: random steps from each start state, where the demonstrations store no simulator states.
+        rounds: fits; from the second on the clone's own rollouts are fitted too.
+        noise: standard deviation added to the actions of those rollouts.
+        rollout_steps: length of each of those rollouts.
         steps: gradient steps.
         batch: samples per step.
         learning_rate: Adam's, falling to zero along a cosine.
@@ -50,7 +54,11 @@ class InverseConfig:
     """
 
     tries: int = 8
-    steps: int = 3000
+    steps_from_starts: int = 20
+    rounds: int = 3
+    noise: float = 0.4
+    rollout_steps: int = 20
+    steps: int = 4000
     batch: int = 256
     learning_rate: float = 1e-3
     hidden: tuple[int, ...] = (128, 128)
@@ -87,8 +95,8 @@ class PpoConfig:
     lam: float = 0.95
     noise: float = 0.2
     critic_iterations: int = 5
-    evaluate_every: int = 3
-    patience: int = 1000
+    evaluate_every: int = 4
+    patience: int = 8
 
 
 @dataclass(frozen=True)
@@ -109,7 +117,7 @@ class SacConfig:
     """
 
     worlds: int = 64
-    updates: int = 8
+    updates: int = 4
     batch: int = 512
     learning_starts: int = 4000
     buffer: int = 1_000_000
@@ -129,6 +137,7 @@ class PoolConfig:
         evaluation: held-out starts for evaluation.
         opaque: either, for the cheap attempt on ψ_R itself.
         attempts: episodes run at most, per start asked for.
+        screening: held-out starts after which a hopeless candidate is dropped without trying the others.
         per_episode: cap per episode.
         batch: rows stepped at once.
     """
@@ -137,6 +146,7 @@ class PoolConfig:
     evaluation: int = 200
     opaque: int = 32
     attempts: int = 3
+    screening: int = 50
     per_episode: int = 4
     batch: int = 64
 
@@ -158,7 +168,7 @@ class TrainConfig:
 
     profile: Profile = "actions"
     target: float = 0.995
-    budget: int = 100_000
+    budget: int = 250_000
     opaque_budget: int = 10_000
     confirm: int = 3
     screening: int = 32

@@ -6,7 +6,9 @@ meets. So actions are tried out where the demonstrations have been: from their s
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 import torch
@@ -16,6 +18,8 @@ from torch import nn
 from roboscribe.rl.clone import gaussian_loss
 from roboscribe.rl.config import InverseConfig
 from roboscribe.rl.observation import Encoder, ObservationSpec
+from roboscribe.rl.pool import StartPool
+from roboscribe.rl.skill_env import Controller
 from roboscribe.rl.torch_net import mlp, single_thread
 from roboscribe.world.layout import FloatArray, IntArray, Layout
 from roboscribe.world.protocols import World
@@ -49,36 +53,53 @@ class Transitions:
         )
 
 
-def probe(world: World, snapshots: FloatArray, entities: IntArray, actions: FloatArray, steps: int = 1) -> Transitions:
+def probe(world: World, snapshots: FloatArray, entities: IntArray, actions: FloatArray) -> Transitions:
     """Try actions out from stored simulator states.
 
     Args:
         world: any world of the task; its present contents are lost.
         snapshots: (M, S) states to start from.
         entities: (M, n) bound there.
-        actions: (steps, M, A) in [-1, 1].
-        steps: control steps taken from each.
+        actions: (T, M, A) in [-1, 1]; T steps are taken from each state.
 
     Returns:
-        steps x M transitions, fewer where physics diverged.
+        T x M transitions, fewer where physics diverged.
     """
-    found = []
+    return _run(world, snapshots, entities, len(actions), lambda step, part, states: actions[step, part])
+
+
+def explore(
+    world: World, pool: StartPool, skill: Controller, config: InverseConfig, rng: np.random.Generator
+) -> Transitions:
+    """Run a skill from its start states with noise on its actions, which here are known."""
+
+    def act(step: int, part: IntArray, states: FloatArray) -> FloatArray:
+        meant = skill.act(states, pool.entities[part])
+        return np.clip(meant + config.noise * rng.standard_normal(meant.shape), -1.0, 1.0)
+
+    return _run(world, pool.snapshots, pool.entities, config.rollout_steps, act)
+
+
+def _run(
+    world: World,
+    snapshots: FloatArray,
+    entities: IntArray,
+    steps: int,
+    act: Callable[[int, IntArray, FloatArray], FloatArray],
+) -> Transitions:
+    """Take `steps` steps from each snapshot; `act` is told the step, which snapshots, and the present states."""
+    found: list[Transitions] = []
     for first in range(0, len(snapshots), world.batch):
-        part = slice(first, min(first + world.batch, len(snapshots)))
-        rows = np.arange(part.stop - part.start)
+        part = np.arange(first, min(first + world.batch, len(snapshots)))
+        rows = np.arange(len(part))
         before = world.load(rows, snapshots[part]).copy()
-        for tried in actions[:steps, part]:
-            after = world.step(rows, tried).copy()
+        for step in range(steps):
+            done = act(step, part, before)
+            after = world.step(rows, done).copy()
             sound = ~world.diverged(rows)
-            found.append(Transitions(before[sound], after[sound], entities[part][sound], tried[sound]))
+            found.append(Transitions(before[sound], after[sound], entities[part][sound], done[sound]))
             before = after
-    joined = found[0]
-    return Transitions(
-        np.concatenate([part.before for part in found]),
-        np.concatenate([part.after for part in found]),
-        np.concatenate([part.entities for part in found]),
-        np.concatenate([part.actions for part in found]).reshape(-1, joined.actions.shape[1]),
-    )
+    return reduce(Transitions.joined, found)
 
 
 def random_actions(steps: int, count: int, size: int, rng: np.random.Generator) -> FloatArray:

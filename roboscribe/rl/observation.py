@@ -26,7 +26,7 @@ DEFAULT_UNITS = ("m", "rad", "1")
 """Units of the attributes a controller sees: positions, openings, angles; no quaternions."""
 ROBOT_UNITS = (*DEFAULT_UNITS, "m/s")
 """The same for the robot: its own velocity was measured to lift clones from 96 to 99 %."""
-FINE_SCALES = (0.05, 0.01)
+FINE_SCALES = (0.1, 0.05, 0.025, 0.0125)
 """Scales in metres of the clipped copies of small differences."""
 FINE_CLIP = 2.0
 """Bound of a fine copy, in its scale."""

@@ -17,12 +17,16 @@ from roboscribe.rl.config import PpoConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.rsl import RslEnv, build_runner
 from roboscribe.rl.skill import Layers, Skill, layer_arrays, layers_from
-from roboscribe.rl.skill_env import SkillEnv
+from roboscribe.rl.skill_env import SkillEnv, Verdict
 from roboscribe.rl.subtask import Subtask
 from roboscribe.rl.torch_net import layers_of, load_layers, load_optimizer, optimizer_arrays, single_thread
 
 Log: TypeAlias = Callable[[Mapping[str, float], int], None]
 """Receives metrics by name, and the control steps spent so far."""
+
+
+COUNTS = ("iteration", "unimproved", "evaluating", "success")
+"""Numbers of a run that its checkpoint keeps."""
 
 
 def silent(metrics: Mapping[str, float], step: int) -> None:
@@ -36,21 +40,21 @@ class LearnerTask:
     Args:
         subtask: what the skill must reach.
         pool: its start states.
-        evaluate: measures a skill's success on fixed starts.
+        evaluate: measures a skill's success on fixed starts; told the success that it has to beat.
         target: success at which learning may stop.
         budget: control steps that may be spent, evaluations not counted.
     """
 
     subtask: Subtask
     pool: StartPool
-    evaluate: Callable[[Skill], float]
+    evaluate: Callable[[Skill, float], Verdict]
     target: float
     budget: int
 
 
 @dataclass(frozen=True)
 class Learned:
-    """Best skill found, its success on the fixed starts, and control steps spent by the learner itself."""
+    """Best skill found, its success on the fixed starts, and all control steps spent, evaluations included."""
 
     skill: Skill
     success: float
@@ -67,6 +71,7 @@ class _Run:
     success: float
     iteration: int = 0
     unimproved: int = 0
+    evaluating: int = 0
 
     @property
     def actor(self) -> Layers:
@@ -112,10 +117,10 @@ def train_ppo(
             measured = run.iteration % config.evaluate_every == 0 and run.iteration > config.critic_iterations
             if measured:
                 _keep_best(run, skill, task)
-            log(_metrics(run, measured), run.iteration * per_iteration)
+            log(_metrics(run, measured), run.iteration * per_iteration + run.evaluating)
             if checkpoint is not None and measured:
                 _save(run, checkpoint, _identity(config, seed))
-        return Learned(skill.with_layers(run.best), run.success, run.iteration * per_iteration)
+        return Learned(skill.with_layers(run.best), run.success, run.iteration * per_iteration + run.evaluating)
 
 
 def _begin(skill: Skill, success: float, task: LearnerTask, config: PpoConfig, seed: int) -> _Run:
@@ -140,10 +145,11 @@ def _iterate(run: _Run, config: PpoConfig) -> None:
 
 
 def _keep_best(run: _Run, skill: Skill, task: LearnerTask) -> None:
-    rate = task.evaluate(skill.with_layers(run.actor))
+    verdict = task.evaluate(skill.with_layers(run.actor), run.success)
+    run.evaluating += verdict.control_steps
     run.unimproved += 1
-    if rate > run.success:
-        run.best, run.success, run.unimproved = run.actor, rate, 0
+    if verdict.rate > run.success:
+        run.best, run.success, run.unimproved = run.actor, verdict.rate, 0
 
 
 def _metrics(run: _Run, measured: bool) -> dict[str, float]:
@@ -166,7 +172,7 @@ def _save(run: _Run, path: Path, identity: Mapping[str, object]) -> None:
     arrays |= prefixed("actor", layer_arrays(run.actor))
     arrays |= prefixed("critic", layer_arrays(layers_of(run.runner.alg.critic)))
     arrays |= prefixed("adam", optimizer_arrays(run.runner.alg.optimizer))
-    counts = {"iteration": run.iteration, "unimproved": run.unimproved, "success": run.success}
+    counts = {name: getattr(run, name) for name in COUNTS}
     write_checkpoint(path, arrays, {**identity, **counts, "generator": generator})
 
 
@@ -178,6 +184,7 @@ def _restore(run: _Run, path: Path, identity: Mapping[str, object]) -> None:
     load_optimizer(run.runner.alg.optimizer, under("adam", arrays))
     run.best = layers_from(under("best", arrays), f"best skill in {path}")
     counts = json.loads(json.dumps(notes))
-    run.iteration, run.unimproved, run.success = counts["iteration"], counts["unimproved"], counts["success"]
+    for name in COUNTS:
+        setattr(run, name, counts[name])
     run.env.restore(under("env", arrays), counts["generator"])
     torch.set_rng_state(torch.from_numpy(arrays["torch"]))

@@ -124,17 +124,18 @@ def train_sac(
         metrics: dict[str, float] = {}
         model = _build(SacEnv(env, skill.encoder, task.subtask.task.action_size), config, seed)
         model.set_logger(Logger(None, [_Metrics(metrics)]))
-        best, success, spent = skill, -1.0, 0
+        best, success, spent, evaluating = skill, -1.0, 0, 0
         while spent + config.worlds * config.evaluate_every <= task.budget and success < task.target:
             model.learn(config.worlds * config.evaluate_every, log_interval=task.budget, reset_num_timesteps=spent == 0)
             spent = model.num_timesteps
             model.logger.dump(spent)
             candidate = Skill(skill.name, skill.spec, actor_layers(model), skill.layout, activation)
-            rate = task.evaluate(candidate)
-            if rate > success:
-                best, success = candidate, rate
-            log({**metrics, "success": rate, "best_success": success}, spent)
-        return Learned(best, max(success, 0.0), spent)
+            verdict = task.evaluate(candidate, success)
+            evaluating += verdict.control_steps
+            if verdict.rate > success:
+                best, success = candidate, verdict.rate
+            log({**metrics, "success": verdict.rate, "best_success": success}, spent + evaluating)
+        return Learned(best, max(success, 0.0), spent + evaluating)
 
 
 def _build(env: SacEnv, config: SacConfig, seed: int) -> SAC:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +129,40 @@ class Evaluation:
     def rate(self) -> float:
         """Share of attempts that succeeded; 0 where there were none."""
         return float(self.success.mean()) if len(self.success) else 0.0
+
+
+class Verdict(NamedTuple):
+    """Success of a skill on held-out starts, and the control steps that it took to find out."""
+
+    rate: float
+    control_steps: int
+
+
+@dataclass(frozen=True)
+class Judge:
+    """Measures skills on the same held-out starts, in rollouts.
+
+    Args:
+        subtask: what to reach.
+        starts: held out.
+        world: any world of the task.
+        screening: starts tried first; a candidate that is clearly worse there than what it has to beat is dropped.
+    """
+
+    subtask: Subtask
+    starts: StartPool
+    world: World
+    screening: int = 50
+
+    def __call__(self, skill: Controller, to_beat: float = 0.0) -> Verdict:
+        """Measure a skill, on the first starts alone where it is 10 points short of `to_beat` there."""
+        ranks = np.arange(len(self.starts))
+        first = evaluate_skill(self.subtask, self.starts.take(ranks[: self.screening]), skill, self.world)
+        if len(ranks) <= self.screening or first.rate < to_beat - 0.1:
+            return Verdict(first.rate, first.control_steps)
+        rest = evaluate_skill(self.subtask, self.starts.take(ranks[self.screening :]), skill, self.world)
+        success = np.concatenate([first.success, rest.success])
+        return Verdict(float(success.mean()), first.control_steps + rest.control_steps)
 
 
 def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, world: World) -> Evaluation:

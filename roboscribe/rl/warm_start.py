@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,12 @@ import numpy as np
 from roboscribe.dsl.interpreter import Segment
 from roboscribe.rl.clone import Samples, clone
 from roboscribe.rl.config import TrainConfig
-from roboscribe.rl.inverse_dynamics import fit_inverse, probe, random_actions
+from roboscribe.rl.inverse_dynamics import Transitions, explore, fit_inverse, probe, random_actions
 from roboscribe.rl.observation import ObservationSpec
+from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
-from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.rl.skill_env import Judge
+from roboscribe.world.layout import FloatArray, IntArray
 from roboscribe.world.protocols import World
 from roboscribe.world.trajectory import Trajectory
 
@@ -81,49 +83,62 @@ def joined(parts: Sequence[Frames]) -> Frames:
     )
 
 
-def inferred(
-    frames: Frames, layout: Layout, spec: ObservationSpec, world: World, config: TrainConfig, seed: int
-) -> Frames:
-    """Fill in the actions of frames that have none but store simulator states.
+def clone_frames(
+    fresh: Skill, samples: Samples, judge: Judge, config: TrainConfig, seed: int
+) -> tuple[Skill, float] | None:
+    """Return the first clone that reaches the target in rollouts, else the best; None where there is nothing to clone.
+
+    Clones are tried of one seed after the other, each seed's latest checkpoint first.
+    """
+    best: tuple[Skill, float] | None = None
+    for attempt in range(config.clone.attempts if len(samples) else 0):
+        for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
+            rate = judge(skill, 0.0 if best is None else best[1]).rate
+            if best is None or rate > best[1]:
+                best = skill, rate
+            if rate >= config.target:
+                return best
+    return best
+
+
+def clone_states(
+    fresh: Skill, frames: Frames, pool: StartPool, spec: ObservationSpec, judge: Judge, config: TrainConfig, seed: int
+) -> tuple[Skill, float] | None:
+    """Return the best clone of actions that are inferred from states alone.
+
+    Actions are first tried out from the demonstrated simulator states where these are stored; where not, in random
+    motion from the skill's own start states, which meets less of what the demonstrations did. In further rounds the
+    inverse model is fitted again, to the clone's own rollouts too.
 
     Args:
-        frames: with unknown actions.
-        layout: meaning of the states.
+        fresh: gives name, observation and layout.
+        frames: demonstrated; their actions are not used.
+        pool: start states of the skill.
         spec: what the inverse model sees of a state.
-        world: where actions are tried out.
+        judge: measures clones in rollouts; its world is used to try actions out.
         config: settings.
         seed: decides everything.
-
-    Returns:
-        The frames with the likeliest actions; unchanged where no simulator states are stored.
     """
-    settings = config.inverse
-    if not len(frames) or not frames.snapshots.shape[1]:
-        return frames
     rng = np.random.default_rng(seed)
-    snapshots = np.repeat(frames.snapshots, settings.tries, axis=0)
-    entities = np.repeat(frames.entities, settings.tries, axis=0)
-    actions = random_actions(1, len(snapshots), frames.actions.shape[1], rng)
-    data = probe(world, snapshots, entities, actions)
-    model = fit_inverse(spec, layout, data, settings, seed)
-    done = model.infer(frames.states, frames.following, frames.entities)
-    return Frames(frames.states, frames.following, frames.entities, done, frames.snapshots)
-
-
-def candidates(fresh: Skill, samples: Samples, config: TrainConfig, seed: int) -> Iterator[Skill]:
-    """Yield clones, of one seed after the other, each seed's latest checkpoint first."""
-    for attempt in range(config.clone.attempts):
-        for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
-            yield skill
-
-
-def best_of(skills: Iterator[Skill], success: Callable[[Skill], float], target: float) -> tuple[Skill, float] | None:
-    """Return the first skill that reaches the target in rollouts, else the best; None where there is none."""
+    data = _first_tries(frames, pool, judge.world, config, rng)
     best: tuple[Skill, float] | None = None
-    for skill in skills:
-        rate = success(skill)
-        if best is None or rate > best[1]:
-            best = skill, rate
-        if rate >= target:
+    for turn in range(config.inverse.rounds):
+        model = fit_inverse(spec, fresh.layout, data, config.inverse, seed + turn)
+        done = model.infer(frames.states, frames.following, frames.entities)
+        found = clone_frames(fresh, Samples(frames.states, frames.entities, done), judge, config, seed + turn)
+        if found is not None and (best is None or found[1] > best[1]):
+            best = found
+        if best is None or best[1] >= config.target:
             break
+        data = data.joined(explore(judge.world, pool, best[0], config.inverse, rng))
     return best
+
+
+def _first_tries(
+    frames: Frames, pool: StartPool, world: World, config: TrainConfig, rng: np.random.Generator
+) -> Transitions:
+    stored, settings = frames.snapshots.shape[1] > 0, config.inverse
+    steps, tries = (1, settings.tries) if stored else (settings.steps_from_starts, 1)
+    snapshots = np.repeat(frames.snapshots if stored else pool.snapshots, tries, axis=0)
+    entities = np.repeat(frames.entities if stored else pool.entities, tries, axis=0)
+    return probe(world, snapshots, entities, random_actions(steps, len(snapshots), frames.actions.shape[1], rng))

@@ -19,8 +19,8 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 LEVELS = (0.03, 0.1)
 """Shares of accepted negatives that count as nearly equally good."""
 TOLERANCE = 0.2
-"""Share of accepted negatives beyond which a predicate does not separate. Episodes may begin with φ satisfied, and then
-fail for another reason, so it is not far below `MOST_INITIAL`."""
+"""Share of accepted negatives beyond which a predicate does not separate: episodes that begin with φ satisfied fail for
+another reason, so it is not far below `MOST_INITIAL`."""
 ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
@@ -138,16 +138,16 @@ class Candidate:
     @property
     def cost(self) -> float:
         """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it is."""
-        form = -OWN_GOAL_GAIN if self.own_goal else 0.0
-        return round(self.first + ACCEPTED_COST * self.accepted + NODE_COST * self.size + form, 3)
+        gain = OWN_GOAL_GAIN * self.own_goal
+        return round(self.first + ACCEPTED_COST * self.accepted + NODE_COST * self.size - gain, 3)
 
     @property
     def rank(self) -> tuple[float | bool | str, ...]:
         """Sort key, best first: the written order of preference.
 
         It comes after its predecessor; separates; is no weaker copy of the goal; is about the goal's entities; is
-        maintained; mentions an entity, but few; stands well with the predecessors; is not often true at the start; accepts
-        few failures; is reached early, is small and accepts fewer still; is specific; has a wide margin.
+        maintained; mentions an entity, but few; stands well with the predecessors; is not often true at the start;
+        accepts few failures; is reached early, is small and accepts fewer still; is specific; has a wide margin.
         """
         return (
             not self.advances,

@@ -1,8 +1,8 @@
 """Expressions α of the grammar (Fig. 12), enumerated for whatever objects and attributes a task declares.
 
-Nothing here knows a task. Velocities are left out: a subgoal is a place to be, not a speed, for it must be possible to
-stay in it. An expression is offered when the grammar derives it and its units agree: coordinates,
-differences of one attribute of two objects, their norms, and angles between objects that share a point.
+Nothing here knows a task. An expression is offered when the grammar derives it and its units agree: coordinates,
+differences of one attribute of two objects, their norms, and angles between objects that share a point. Velocities are
+left out: a subgoal is a place to be, not a speed, for it must be possible to stay in it.
 """
 
 from __future__ import annotations
@@ -64,7 +64,13 @@ class Feature:
     @property
     def own_goal(self) -> bool:
         """Whether α compares an entity with its own goal, the form of task specifications (Sec. 3)."""
-        return self.entities == 1 and isinstance(self.term, Norm | Diff) and "g(" in self.family and "μ" not in self.family
+        objects = isinstance(self.term, Norm | Diff) and "g(" in self.family and "μ" not in self.family
+        return self.entities == 1 and objects
+
+    @property
+    def relational(self) -> bool:
+        """Whether α compares two objects."""
+        return "−" in self.family or "∠" in self.family
 
     @property
     def size(self) -> int:

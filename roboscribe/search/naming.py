@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from roboscribe.dsl.rewrite import Node, free_vars, uses_robot, walk
+from roboscribe.dsl.rewrite import Node, conjuncts, free_vars, uses_robot, walk
 from roboscribe.dsl.syntax import Arctan2, Diff, Exists, Goal, Norm, Not, Object, Predicate, Proj, Robot, Var
 
 
@@ -14,6 +14,8 @@ def name_predicate(predicate: Predicate, taken: set[str]) -> str:
 
 
 def _shape(predicate: Predicate) -> str:
+    """Look at the last conjunct: that is what a conjunction adds to a predecessor."""
+    predicate = (predicate, *conjuncts(predicate))[-1]
     nodes = list(walk(predicate))
     if any(isinstance(n, Arctan2) for n in nodes):
         return "align"

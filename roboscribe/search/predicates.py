@@ -22,6 +22,10 @@ NO_WORSE = 0.1
 SLACK = 0.25
 """How far a threshold lies beyond the positives, in ranges of the positives: a sample's extreme is not the
 population's, and a predicate must also fit the entities and episodes to come. At most half-way to a negative."""
+LEAST_SLACK = 0.001
+"""The same in spreads, where all positives are alike."""
+DIGITS = (3, 4, 5, 6)
+"""Significant digits that a threshold may have."""
 HOPELESS = 0.5
 """Share of accepted negatives beyond which an atom is not looked at."""
 
@@ -73,7 +77,7 @@ class _Atom:
 
 
 def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
-    """What must hold in addition to a predecessor: its predicate and one atom about the same entities."""
+    """Add one atom to a predecessor about the same entities: what must hold in addition to it."""
     for anchor in samples.anchors:
         old_terms = set(walk(anchor.predicate))
         negatives = holds(anchor.predicate, samples.negatives, {}, samples.layout)
@@ -95,12 +99,13 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
 
 
 def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
-    found = []
+    found: list[_Atom | None] = []
+    sets = (samples.positives, samples.negatives, samples.frames)
     for feature in features:
-        values = [feature.values(s, samples.layout) for s in (samples.positives, samples.negatives, samples.frames)]
-        if not all(np.isfinite(v).all() for v in values):
+        pos, neg, frames = (feature.values(s, samples.layout) for s in sets)
+        if not all(np.isfinite(v).all() for v in (pos, neg, frames)):
             continue
-        found += [_atom(feature, *values, sign) for sign in (1.0, -1.0)]
+        found += [_atom(feature, pos, neg, frames, sign) for sign in (1.0, -1.0)]
     return [atom for atom in found if atom is not None]
 
 
@@ -113,16 +118,28 @@ def _atom(feature: Feature, pos: FloatArray, neg: FloatArray, frames: FloatArray
         return None
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
-    slack = SLACK * (extreme - float(pos.min()))
-    threshold = _rounded_up(extreme + min(slack, 0.5 * gap))
-    if not extreme < threshold:
-        return None
+    slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
+    threshold = _rounded(extreme + min(slack, 0.5 * gap), extreme, neg)
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
     return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread)
 
 
-def _rounded_up(value: float, digits: int = 3) -> float:
+def _rounded(value: float, extreme: float, neg: FloatArray) -> float:
+    """Round a threshold to the fewest significant digits, at least three, with which it parts the same samples.
+
+    Source:  Sec. 4.2.1.
+    Departs: thresholds are rounded when they are learned, so that what prints is what separates.
+    """
+    wanted = neg < value
+    for digits in DIGITS:
+        rounded = _rounded_up(value, digits)
+        if rounded > extreme and np.array_equal(neg < rounded, wanted):
+            return rounded
+    return value
+
+
+def _rounded_up(value: float, digits: int) -> float:
     """Round to significant digits, never downwards, so that what was below stays below."""
     if value == 0.0:
         return 1e-6

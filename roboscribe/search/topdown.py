@@ -158,7 +158,7 @@ class _Door:
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
         tables = np.array([p.truth for p in self.literals], dtype=np.float64).reshape(len(self.literals), -1)
-        missed = 1.0 - tables @ self.positives / max(1.0, float(self.positives.sum()))
+        missed = (self.positives.sum() - tables @ self.positives) / max(1.0, float(self.positives.sum()))
         kept = np.flatnonzero(missed <= self.tolerance)
         self.literals = [self.literals[i] for i in kept]
         self.tables = tables[kept]
@@ -178,8 +178,9 @@ class _Door:
         tails = self.tables[after:]
         others = tails if length > 1 else np.ones_like(tails[:1])
         new = np.triu(np.ones((len(tails), len(tails)), dtype=np.bool_), 1) if length > 1 else np.ones((1, len(tails)))
-        missed = 1.0 - (others * head * self.positives) @ tails.T / max(1.0, float(self.positives.sum()))
-        accepted = (others * head * self.negatives) @ tails.T / max(1.0, float(self.negatives.sum()))
+        shown, hidden = float(self.positives.sum()), float(self.negatives.sum())
+        missed = (shown - (others * head * self.positives) @ tails.T) / max(1.0, shown)
+        accepted = (others * head * self.negatives) @ tails.T / max(1.0, hidden)
         self.candidates += int(new.sum())
         for i, j in np.argwhere((missed <= self.tolerance) & (accepted <= self.tolerance) & (new > 0)):
             chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
@@ -187,7 +188,7 @@ class _Door:
             self.found.append((int(self.costs[list(chosen)].sum()), wrong, chosen))
 
     def cheapest(self) -> Predicate | None:
-        """The cheapest candidate found, then the most accurate, then the first by its text."""
+        """Return the cheapest candidate found, then the most accurate, then the first by its text."""
         least = min((f[:2] for f in self.found), default=None)
         equals = [conjunction([self.literals[i].predicate for i in f[2]]) for f in self.found if f[:2] == least]
         return min(equals, key=str, default=None)

@@ -71,7 +71,7 @@ class ObjectType:
                 return attribute, tuple(range(len(names)))
             if field in names:
                 return attribute, (names.index(field),)
-            if set(field) <= set(names) and all(len(name) == 1 for name in names):
+            if field and set(field) <= set(names) and all(len(name) == 1 for name in names):
                 picked = tuple(names.index(letter) for letter in field)
                 if list(picked) == sorted(set(picked)):
                     return attribute, picked

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -18,6 +19,8 @@ from roboscribe.synthesize import Limits, Outcome, Solution, pure_steps, roboscr
 from roboscribe.world.trajectory import Trajectory
 
 Skills = dict[str, Lookahead]
+EPISODES = 20
+"""Episodes in which a program must succeed in 95 %: one accident is forgiven."""
 PATIENCE = 1.5
 """Control steps of an episode, in lengths of the longest demonstration: whoever needs longer has failed."""
 
@@ -32,7 +35,7 @@ def solve(task: PointTask, trajectories: list[Trajectory], seed: int) -> Solutio
 
     def roll_out(program: Program, psi: str, skills: Skills) -> Outcome:
         rng = np.random.default_rng(seed)
-        seeds = np.arange(16) + 1000 * seed
+        seeds = np.arange(EPISODES) + 1000 * seed
         until_end = psi != ROOT
         ran = execute(program, skills, task, seeds, until_end=until_end, limits={}, rng=rng, horizon=horizon)
         return Outcome.of(ran)
@@ -52,8 +55,13 @@ def demonstrations(name: str, seed: int, episodes: int = 40, *, shuffled: bool =
     """Collect demonstrations, if asked with the entity indices of every one shuffled on their own."""
     task = POINT_TASKS[name]
     rng = np.random.default_rng(seed)
-    found = task.demonstrate(episodes, seed)
-    return [t.renamed(_shuffle(task, rng)) if shuffled else t for t in found]
+    return [t.renamed(_shuffle(task, rng)) if shuffled else t for t in _collected(name, episodes, seed)]
+
+
+@lru_cache(maxsize=8)
+def _collected(name: str, episodes: int, seed: int) -> tuple[Trajectory, ...]:
+    """Several tests learn from the same demonstrations."""
+    return tuple(POINT_TASKS[name].demonstrate(episodes, seed))
 
 
 def _shuffle(task: PointTask, rng: np.random.Generator) -> tuple[int, ...]:
@@ -78,5 +86,5 @@ def paths(tree: Tree) -> set[tuple[str, ...]]:
 
 
 def variant(name: str, **changes: object) -> PointTask:
-    """A point task with other options."""
+    """Return a point task with other options."""
     return replace(POINT_TASKS[name], **changes)  # type: ignore[arg-type]  # options are checked by their use

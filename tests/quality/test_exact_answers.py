@@ -29,18 +29,18 @@ def solved(name: str, seed: int, *, shuffled: bool = False) -> Solution[Skills]:
 
 
 def names(program: Program) -> list[str]:
-    """Controllers in textual order."""
+    """List controllers in textual order."""
     return [run.controller for run in controllers(program)]
 
 
 def the_loop(program: Program) -> While:
-    """The only loop of a program."""
+    """Find the only loop of a program."""
     (loop,) = [node for node in walk(program) if isinstance(node, While)]
     return loop
 
 
 def guard_of(program: Program) -> Predicate:
-    """The guard of the only loop, about b1."""
+    """Return the guard of the only loop, about b1."""
     get = the_loop(program).guard
     assert isinstance(get, Get)
     return rename(get.where, {get.var.name: "e"})
@@ -71,7 +71,7 @@ def equal_everywhere(task: PointTask, one: Predicate, other: Predicate) -> bool:
 
 
 def at_of(program: Program) -> str:
-    """What the learned `at` says, with {} for the entity."""
+    """Write what the learned `at` says, with {} for the entity."""
     (run,) = [run for run in controllers(program) if run.controller == "at"]
     return str(rename(run.until, {run.args[1].name: "SELF"})).replace("SELF", "{0}")  # type: ignore[union-attr]
 
@@ -134,7 +134,7 @@ def test_peg_and_cube_in_either_order_give_a_condition_on_the_goals_heights(seed
     first = str(branch.test)[2]
     one, other = names(Program("then", branch.then)), names(Program("else", branch.otherwise))
     assert one[2:] + one[:2] == other
-    assert [str(run.args[1]) for run in controllers(Program("then", branch.then))][0] == first
+    assert next(str(run.args[1]) for run in controllers(Program("then", branch.then))) == first
 
 
 @pytest.mark.parametrize("seed", SEEDS)

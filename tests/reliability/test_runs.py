@@ -90,11 +90,11 @@ def test_row_1_a_stage_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     written = iter(range(3))
     process = start(
         learned(), tmp_path / "killed", lambda path: (path.endswith("manifest.json") and "/train/" in path)
-        or (".ppo.safetensors" in path and next(written, None) is None),
+        or (".progress.safetensors" in path and next(written, None) is None),
     )  # fmt: skip
     process.join()
     assert process.exitcode == -signal.SIGKILL
-    assert len(list((tmp_path / "killed").glob(f"data/stages/train/*/{PROGRESS}/*.ppo.safetensors"))) == 1
+    assert len(list((tmp_path / "killed").glob(f"data/stages/train/*/{PROGRESS}/*.progress.safetensors"))) == 1
     resumed: list[int] = []
     run(learned(), tmp_path / "killed", on_progress=lambda p: resumed.append(p.done) if p.unit == "steps" else None)
     run(learned(), tmp_path / "whole")

@@ -16,7 +16,7 @@ from roboscribe.rl.config import PpoConfig
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.ppo import LearnerTask, train_ppo
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import evaluate_skill
+from roboscribe.rl.skill_env import Judge, Verdict
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Subtask
 
@@ -29,9 +29,7 @@ def problem(limit: int = 15, target: float = 2.0, budget: int = 320) -> tuple[Le
     pool, _ = collect_starts(Prefix(PROGRAM, 0, {}, {}), TASK, 24, np.arange(24), np.random.default_rng(0))
     held_out, training = pool.split(8)
     world = TASK.world(8)
-    task = LearnerTask(
-        subtask, training, lambda skill: evaluate_skill(subtask, held_out, skill, world).rate, target, budget
-    )
+    task = LearnerTask(subtask, training, Judge(subtask, held_out, world), target, budget)
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, TASK.layout)
     fitted = spec.fitted(TASK.layout, pool.states, pool.entities)
     return task, initial_skill(Skill("hold", fitted, (), TASK.layout), 2, (32, 32), 0)
@@ -44,14 +42,14 @@ def weights(skill: Skill) -> np.ndarray:
 def test_learns_to_reach() -> None:
     task, skill = problem(limit=20, target=0.9, budget=20_000)
     config = PpoConfig(worlds=32, steps=20, critic_iterations=2, noise=0.5, actor_rate=5e-4)
-    learned = train_ppo(skill, task.evaluate(skill), task, config, seed=0)
+    learned = train_ppo(skill, task.evaluate(skill, 0.0).rate, task, config, seed=0)
     assert learned.success >= 0.9
-    assert learned.success == task.evaluate(learned.skill)
+    assert learned.success == task.evaluate(learned.skill, 0.0).rate
 
 
 def test_what_evaluates_worse_is_thrown_away() -> None:
     task, skill = problem()
-    untouched = replace(task, evaluate=lambda candidate: 0.4)
+    untouched = replace(task, evaluate=lambda candidate, to_beat: Verdict(0.4, 0))
     learned = train_ppo(skill, 0.5, untouched, SMALL, seed=0)
     np.testing.assert_array_equal(weights(learned.skill), weights(skill))
     assert learned.success == 0.5
@@ -61,9 +59,9 @@ def test_only_the_critic_learns_at_first() -> None:
     task, skill = problem(budget=80)
     moved: list[bool] = []
 
-    def look(candidate: Skill) -> float:
+    def look(candidate: Skill, to_beat: float) -> Verdict:
         moved.append(not (weights(candidate) == weights(skill)).all())
-        return 0.0
+        return Verdict(0.0, 0)
 
     train_ppo(skill, 0.0, replace(task, evaluate=look, budget=80 * 4), replace(SMALL, critic_iterations=2), seed=0)
     assert moved == [True, True], "the first two iterations are not even evaluated"
@@ -73,13 +71,14 @@ def test_only_the_critic_learns_at_first() -> None:
 
 def test_stays_within_its_budget_and_stops_at_the_target() -> None:
     task, skill = problem(budget=250)
-    assert train_ppo(skill, 0.0, task, SMALL, seed=0).control_steps == 240
+    free = replace(task, evaluate=lambda candidate, to_beat: Verdict(0.0, 0))
+    assert train_ppo(skill, 0.0, free, SMALL, seed=0).control_steps == 240
     assert train_ppo(skill, 0.7, replace(task, target=0.7), SMALL, seed=0).control_steps == 0
 
 
 def test_gives_up_when_patience_is_spent() -> None:
     task, skill = problem(budget=8000)
-    stuck = replace(task, evaluate=lambda candidate: 0.0)
+    stuck = replace(task, evaluate=lambda candidate, to_beat: Verdict(0.0, 0))
     assert train_ppo(skill, 0.5, stuck, replace(SMALL, patience=3), seed=0).control_steps == 80 * 4
 
 
@@ -97,11 +96,11 @@ class KilledError(Exception):
 def test_stopped_and_resumed_it_ends_with_the_same_weights(tmp_path: Path) -> None:
     task, skill = problem(budget=80 * 6)
     best = iter(np.linspace(0.1, 0.9, 30).tolist())
-    rising = replace(task, evaluate=lambda candidate: next(best))
+    rising = replace(task, evaluate=lambda candidate, to_beat: Verdict(next(best), 7))
     straight = train_ppo(skill, 0.0, rising, SMALL, seed=5)
 
     def kill(metrics: object, step: int) -> None:
-        if step == 80 * 4:
+        if step == (80 + 7) * 4 - 7:
             raise KilledError
 
     path = tmp_path / "hold.ppo.safetensors"
@@ -147,7 +146,8 @@ def test_writing_a_checkpoint_leaves_nothing_else_behind(tmp_path: Path) -> None
 def test_metrics_arrive_with_the_steps_spent() -> None:
     task, skill = problem()
     seen: list[tuple[int, set[str]]] = []
+    task = replace(task, evaluate=lambda candidate, to_beat: Verdict(0.0, 7))
     train_ppo(skill, 0.0, task, SMALL, 0, lambda metrics, step: seen.append((step, set(metrics))))
-    assert [step for step, _ in seen] == [80, 160, 240, 320]
+    assert [step for step, _ in seen] == [80 * rank + 7 * (rank - 1) for rank in (1, 2, 3, 4)]
     assert {"value_loss", "surrogate_loss", "collect_time", "learn_time"} <= seen[0][1]
     assert "best_success" in seen[-1][1]

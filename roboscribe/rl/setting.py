@@ -1,0 +1,148 @@
+"""What every skill of one TRAINPROGRAM call shares, and what follows from it for one skill."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from zlib import crc32
+
+import numpy as np
+
+from roboscribe.dsl.interpreter import Segment, segment
+from roboscribe.dsl.rewrite import controllers, run_variables, walk
+from roboscribe.dsl.semantics import evaluate
+from roboscribe.dsl.syntax import Get, Program, Run, Seq, Solved
+from roboscribe.reward import atom_term, atoms
+from roboscribe.rl.clone import initial_skill
+from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.observation import ObservationSpec, observation_spec
+from roboscribe.rl.pool import StartPool
+from roboscribe.rl.skill import Skill
+from roboscribe.rl.starts import Prefix, collect_starts
+from roboscribe.rl.subtask import Subtask
+from roboscribe.rl.warm_start import Frames, frames_of, joined
+from roboscribe.world.protocols import Task
+from roboscribe.world.trajectory import Trajectory
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A program to be grounded.
+
+    Args:
+        task: the robot's world.
+        program: P.
+        demonstrations: canonically named.
+        config: settings.
+        seed: decides everything.
+        solve: whether the program is to bring ψ_R about, or only to reach its end.
+    """
+
+    task: Task
+    program: Program
+    demonstrations: Sequence[Trajectory]
+    config: TrainConfig
+    seed: int
+    solve: bool
+
+    @cached_property
+    def runs(self) -> tuple[Run, ...]:
+        """The program's controller statements in textual order."""
+        return controllers(self.program)
+
+    @cached_property
+    def segments(self) -> tuple[tuple[Segment, ...], ...]:
+        """Each demonstration cut by the program."""
+        return tuple(segment(self.program, shown, solved=self.task.solved) for shown in self.demonstrations)
+
+    @cached_property
+    def limits(self) -> dict[str, int]:
+        """Step limit by controller: twice its longest segment; those that no demonstration runs are left out."""
+        longest: dict[str, int] = {}
+        for part in (part for parts in self.segments for part in parts):
+            name = self.runs[part.run_index].controller
+            longest[name] = max(longest.get(name, 0), part.stop - part.start)
+        return {name: 2 * steps for name, steps in longest.items() if steps > 0}
+
+    def draw(self, name: str) -> np.random.Generator:
+        """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
+        return np.random.default_rng([self.seed, crc32(name.encode())])
+
+    def seed_of(self, name: str) -> int:
+        """Return a seed of its own for one purpose."""
+        return int(self.draw(name).integers(2**31))
+
+    def is_last(self, run: Run) -> bool:
+        """Tell whether `run` is the last statement of a program that is to bring ψ_R about, not only its own φ."""
+        body = self.program.body
+        last = body.parts[-1] if isinstance(body, Seq) and body.parts else body
+        return self.solve and last is run and not isinstance(run.until, Solved)
+
+    def title(self, run: Run) -> str:
+        """Return the name under which a skill's progress is kept."""
+        return f"{run.controller}.last" if self.is_last(run) else run.controller
+
+    def subtask(self, run: Run) -> Subtask:
+        """Say what is asked of a skill: its step limit and the units of its reward come from the demonstrations."""
+        return Subtask(
+            task=self.task,
+            until=run.until,
+            variables=run_variables(run),
+            limit=self.limits.get(run.controller, self.task.horizon),
+            confirm=self.config.confirm,
+            maintain=self.is_last(run),
+            scales=self.scales(run),
+        )
+
+    def scales(self, run: Run) -> dict[str, float]:
+        """Return the spread of each atom's term over the demonstrated segments of a skill, by the term's text."""
+        values: dict[str, list[float]] = {}
+        for shown, part in self._parts(run):
+            binding = dict(zip(run_variables(run), part.entities, strict=True))
+            states = shown.states[part.start : part.stop + 1]
+            for term in map(atom_term, atoms(run.until)):
+                found = evaluate(term, states, binding, self.task.layout)
+                values.setdefault(str(term), []).extend(found[..., 0].tolist())
+        spreads = {text: float(np.nanstd(found)) for text, found in values.items()}
+        return {text: spread for text, spread in spreads.items() if spread > 0}
+
+    def _parts(self, run: Run) -> list[tuple[Trajectory, Segment]]:
+        """List the segments of one controller statement, each with its demonstration."""
+        rank = next(rank for rank, each in enumerate(self.runs) if each is run)
+        pairs = zip(self.demonstrations, self.segments, strict=True)
+        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index == rank]
+
+    def frames(self, run: Run) -> Frames | None:
+        """Cut a controller's frames out of the demonstrations, and a few beyond φ; None where there are none."""
+        beyond, actions = self.config.clone.extra_frames, self.config.profile == "actions"
+        size = self.task.action_size
+        found = [frames_of(part, shown, beyond, actions, size) for shown, part in self._parts(run)]
+        return joined(found) if found else None
+
+    def spec(self, run: Run, *units: Sequence[str]) -> ObservationSpec:
+        """Return what is seen of a controller's arguments, not yet normalised."""
+        types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
+        return observation_spec(run, types, self.task.layout, *units)
+
+    def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
+        """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
+        frames = self.frames(run)
+        states, entities = (pool.states, pool.entities) if frames is None else (frames.states, frames.entities)
+        fitted = self.spec(run).fitted(self.task.layout, states, entities)
+        blank = Skill(run.controller, fitted, (), self.task.layout)
+        seed = self.seed_of(f"{run.controller} weights")
+        return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
+
+    def pools(self, run: Run, skills: Mapping[str, Skill]) -> tuple[StartPool, StartPool, int]:
+        """Run the program up to `run`; returns held-out starts, starts for training, and control steps spent."""
+        config, rng = self.config.pool, self.draw(f"{run.controller} starts")
+        cheap = isinstance(run.until, Solved)
+        starts, evaluation = (config.opaque, config.opaque) if cheap else (config.starts, config.evaluation)
+        rank = next(rank for rank, each in enumerate(self.runs) if each is run)
+        prefix = Prefix(self.program, rank, skills, self.limits, self.config.confirm)
+        seeds = rng.integers(2**31, size=config.attempts * (starts + evaluation))
+        found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch)
+        share = evaluation / (starts + evaluation)
+        held_out, pool = found.capped(config.per_episode).split(round(share * len(np.unique(found.episode))))
+        return held_out, pool, steps

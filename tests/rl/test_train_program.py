@@ -1,0 +1,160 @@
+"""TRAINPROGRAM on the kinematic toy: what is learned, from what, at what cost, and how it resumes."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from carry_world import AT, HOLD, PROGRAM, Carry, b, mu
+
+from roboscribe.dsl.interpreter import execute
+from roboscribe.dsl.syntax import Get, Goal, Program, Run, Seq, Solved, Truth
+from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
+from roboscribe.rl.skill import Skill
+from roboscribe.rl.train_program import TrainingResult, step_limits, train_program
+
+TASK = Carry()
+SHOWN = TASK.demonstrate(15, 0)
+QUICK = TrainConfig(
+    target=0.9,
+    budget=1600,
+    opaque_budget=800,
+    screening=8,
+    pool=PoolConfig(starts=24, evaluation=16, opaque=8, batch=16, screening=4),
+    clone=CloneConfig(steps=250, hidden=(32, 32), checkpoints=2, attempts=1),
+    inverse=InverseConfig(steps=400, hidden=(32, 32)),
+    ppo=PpoConfig(worlds=16, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=2),
+    sac=SacConfig(worlds=8, updates=1, batch=16, learning_starts=80, buffer=2000, hidden=(16, 16), evaluate_every=50),
+)
+FIRST = Program("Reach", Seq((Get(b, "block", Truth()), Run("hold", (mu, b), HOLD))))
+BLIND = Program("Blind", Seq((Get(b, "block", Truth()), Run("solve", (mu, b, Goal(b)), Solved()))))
+
+
+def weights(skill: Skill) -> np.ndarray:
+    return np.concatenate([array.ravel() for layer in skill.layers for array in layer])
+
+
+@pytest.fixture(scope="module")
+def trained() -> TrainingResult:
+    return train_program(TASK, PROGRAM, SHOWN, {}, QUICK, 0)
+
+
+def test_clones_solve_the_task(trained: TrainingResult) -> None:
+    rollouts = execute(PROGRAM, trained.library, TASK, np.arange(100) + 1000, limits={}, batch=25)
+    assert rollouts.success.mean() >= 0.9
+    assert [report.controller for report in trained.reports] == ["hold", "at"]
+    assert {report.learner for report in trained.reports} <= {"clone", "ppo"}
+
+
+def test_every_control_step_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    worlds = []
+    world = Carry.world
+
+    def counted(self: Carry, batch: int) -> object:
+        worlds.append(world(self, batch))
+        return worlds[-1]
+
+    monkeypatch.setattr(Carry, "world", counted)
+    states, paper = replace(QUICK, profile="states", target=2.0), replace(QUICK, profile="paper", target=2.0)
+    for config, program in ((replace(QUICK, target=2.0), PROGRAM), (states, FIRST), (paper, FIRST)):
+        worlds.clear()
+        result = train_program(TASK, program, SHOWN, {}, config, 0, solve=program is PROGRAM)
+        assert result.control_steps == sum(each.control_steps for each in worlds)
+
+
+def test_known_skills_are_left_alone(trained: TrainingResult) -> None:
+    held = {"hold": trained.library["hold"]}
+    result = train_program(TASK, PROGRAM, SHOWN, held, QUICK, 0)
+    assert result.library["hold"] is held["hold"]
+    assert [report.controller for report in result.reports] == ["at"]
+
+
+def test_the_last_skill_is_kept_when_the_program_does_not_solve_the_task(trained: TrainingResult) -> None:
+    held = {"hold": trained.library["hold"]}
+    result = train_program(TASK, FIRST, SHOWN, held, QUICK, 0)
+    assert result.library["hold"] is held["hold"]
+    (report,) = result.reports
+    assert report.learner == "kept"
+    assert report.success < QUICK.worth_improving
+    assert result.control_steps > 0, "finding that out took rollouts"
+
+
+def test_a_subgoals_program_is_not_asked_to_solve_the_task(trained: TrainingResult) -> None:
+    held = {"hold": trained.library["hold"]}
+    assert train_program(TASK, FIRST, SHOWN, held, QUICK, 0, solve=False).reports == ()
+    (report,) = train_program(TASK, FIRST, SHOWN, {}, QUICK, 0, solve=False).reports
+    assert report.success >= 0.5
+
+
+def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
+    (report,) = train_program(TASK, BLIND, SHOWN, {}, QUICK, 0).reports
+    assert report.learner in {"initial", "ppo"}
+    assert report.starts <= QUICK.pool.opaque
+    evaluations = 1 + QUICK.opaque_budget // (160 * QUICK.ppo.evaluate_every)
+    assert report.control_steps <= QUICK.opaque_budget + evaluations * QUICK.pool.opaque * TASK.horizon
+
+
+def test_profile_states_reads_no_actions(trained: TrainingResult) -> None:
+    config = replace(QUICK, profile="states")
+    spoilt = [replace(each, actions=np.full_like(each.actions, np.nan)) for each in SHOWN]
+    without = [replace(each, actions=None) for each in SHOWN]
+    one, other = (train_program(TASK, PROGRAM, shown, {}, config, 0).library for shown in (spoilt, without))
+    np.testing.assert_array_equal(weights(one["at"]), weights(other["at"]))
+    rollouts = execute(PROGRAM, one, TASK, np.arange(60) + 1000, limits={}, batch=20)
+    assert rollouts.success.mean() >= 0.8
+
+
+def test_profile_paper_learns_by_sac_alone() -> None:
+    config = replace(QUICK, profile="paper", target=2.0)
+    reports = train_program(TASK, FIRST, SHOWN, {}, config, 0, solve=False).reports
+    assert [report.learner for report in reports] in (["sac"], ["initial"])
+
+
+def test_a_program_that_never_gets_there_reports_no_starts() -> None:
+    config = replace(QUICK, budget=0, pool=replace(QUICK.pool, starts=4, evaluation=2, attempts=1))
+    reports = train_program(Carry(horizon=1), PROGRAM, SHOWN, {}, config, 0).reports
+    assert reports[1].starts == 0
+    assert reports[1].success == 0.0
+
+
+def test_same_seed_same_skills_another_seed_others() -> None:
+    one, same, other = (train_program(TASK, FIRST, SHOWN, {}, QUICK, seed, solve=False).library for seed in (1, 1, 2))
+    np.testing.assert_array_equal(weights(one["hold"]), weights(same["hold"]))
+    assert not (weights(one["hold"]) == weights(other["hold"])).all()
+
+
+class KilledError(Exception):
+    """Stands for kill -9."""
+
+
+def test_killed_and_started_again_it_ends_alike(tmp_path: Path) -> None:
+    config = replace(QUICK, target=2.0)
+    straight = train_program(TASK, PROGRAM, SHOWN, {}, config, 3)
+
+    def kill(controller: str, metrics: Mapping[str, float], step: int) -> None:
+        seen.append(controller)
+        if seen.count("at") == 6:
+            raise KilledError
+
+    seen: list[str] = []
+    with pytest.raises(KilledError):
+        train_program(TASK, PROGRAM, SHOWN, {}, config, 3, kill, tmp_path)
+    assert (tmp_path / "hold.safetensors").exists()
+    assert not (tmp_path / "at.last.safetensors").exists()
+    again: list[str] = []
+    resumed = train_program(
+        TASK, PROGRAM, SHOWN, {}, config, 3, lambda controller, metrics, step: again.append(controller), tmp_path
+    )
+    assert "hold" not in again, "finished skills are read, not learned"
+    for name in ("hold", "at"):
+        np.testing.assert_array_equal(weights(resumed.library[name]), weights(straight.library[name]))
+    assert resumed.reports == straight.reports
+
+
+def test_step_limits_are_twice_the_longest_segment() -> None:
+    limits = step_limits(PROGRAM, SHOWN, TASK)
+    gaps = [np.linalg.norm(each.states[:, :2] - each.states[:, 2:4], axis=1) < 0.04 for each in SHOWN]
+    assert limits["hold"] == 2 * max(int(np.argmax(gap)) for gap in gaps)
+    assert limits["at"] == 2 * max(len(each) - 1 - int(np.argmax(gap)) for each, gap in zip(SHOWN, gaps, strict=True))
+    assert AT != HOLD

@@ -1,0 +1,97 @@
+"""Which expressions the grammar offers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roboscribe.dsl.rewrite import free_vars
+from roboscribe.dsl.semantics import holds
+from roboscribe.dsl.types import check_predicate
+from roboscribe.envs.point_world import POINT_TASKS
+from roboscribe.search.features import Feature, enumerate_features
+from roboscribe.world.layout import Attribute, Layout, ObjectType
+
+POSITION = Attribute("position", ("x", "y", "z"))
+SPEED = Attribute("velocity", ("vx", "vy", "vz"), "m/s")
+HAND, BLOCK = ObjectType("EE", (POSITION, SPEED)), ObjectType("block", (POSITION, SPEED), (POSITION,))
+ONE, THREE = Layout(HAND, (BLOCK,)), Layout(HAND, (BLOCK,) * 3)
+
+
+def texts(layout: Layout, *named: str) -> set[str]:
+    """Texts of all plain features."""
+    return {str(f.term) for f in enumerate_features(layout, named) if f.over is None}
+
+
+@pytest.mark.parametrize(
+    "expected",
+    [
+        "b1↓z",
+        "g(b1)↓x",
+        "μ↓z − b1↓z",
+        "‖μ↓xyz − b1↓xyz‖",
+        "‖b1↓xy − g(b1)↓xy‖",
+        "arctan2(μ↓xy − b1↓xy)",
+        "arctan2(μ↓xy − b1↓xy) − arctan2(g(b1)↓xy − b1↓xy)",
+        "‖arctan2(μ↓xy − b1↓xy) − arctan2(g(b1)↓xy − b1↓xy)‖",
+    ],
+)
+def test_expressions_of_the_paper_are_offered(expected: str) -> None:
+    assert expected in texts(ONE, "b1")
+
+
+def test_speeds_are_no_subgoals() -> None:
+    assert not any("v" in text for text in texts(ONE, "b1"))
+
+
+def test_only_named_entities_are_mentioned_and_no_more_than_two() -> None:
+    assert not any("b2" in text for text in texts(THREE, "b1", "b3"))
+    features = enumerate_features(THREE, THREE.names)
+    assert max(f.entities for f in features) == 2
+
+
+def test_types_with_several_entities_are_quantified_over() -> None:
+    over = {f.over for f in enumerate_features(THREE, [])} - {None}
+    assert [kind for _, kind in over] == ["block"]
+    assert {f.over for f in enumerate_features(ONE, ["b1"])} == {None}
+
+
+@pytest.mark.parametrize("name", sorted(POINT_TASKS))
+def test_every_feature_type_checks_and_comes_once(name: str) -> None:
+    layout = POINT_TASKS[name].layout
+    features = enumerate_features(layout, layout.names)
+    types = dict(zip(layout.names, (kind.name for kind in layout.entities), strict=True))
+    assert len(set(features)) == len(features)
+    for feature in features:
+        check_predicate(feature.below(0.5), layout, types)
+
+
+@pytest.mark.parametrize("greatest", [False, True])
+def test_thresholds_mean_what_values_say(greatest: bool) -> None:
+    states = np.random.default_rng(0).uniform(-1.0, 1.0, (200, THREE.size))
+    for plain in (f for f in enumerate_features(THREE, ["b1"]) if f.over is None or f.greatest == greatest):
+        values = plain.values(states, THREE)
+        assert np.array_equal(holds(plain.below(0.3), states, {}, THREE), values < 0.3)
+        assert np.array_equal(holds(plain.above(0.3), states, {}, THREE), values > 0.3)
+
+
+def test_an_own_goal_compares_an_entity_with_it() -> None:
+    found = {str(f.term) for f in enumerate_features(THREE, ["b1"]) if f.own_goal and f.over is None}
+    assert found == {"‖b1↓xyz − g(b1)↓xyz‖", "‖b1↓xy − g(b1)↓xy‖", *(f"b1↓{c} − g(b1)↓{c}" for c in "xyz")}
+
+
+def test_projections_of_one_difference_are_one_family() -> None:
+    families: dict[str, set[str]] = {}
+    for feature in enumerate_features(ONE, ["b1"]):
+        families.setdefault(feature.family, set()).add(str(feature.term))
+    assert families["μ−b1.position"] == {
+        "‖μ↓xyz − b1↓xyz‖",
+        "‖μ↓xy − b1↓xy‖",
+        *(f"μ↓{c} − b1↓{c}" for c in "xyz"),
+    }
+
+
+def test_every_feature_of_a_named_entity_mentions_it() -> None:
+    mentioned = [f for f in enumerate_features(ONE, ["b1"]) if "b1" in str(f.term)]
+    assert all(free_vars(f.below(1.0)) == ("b1",) for f in mentioned)
+    assert isinstance(mentioned[0], Feature)

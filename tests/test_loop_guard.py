@@ -1,0 +1,96 @@
+"""PREDICATESYNTHESIS and the conditions of Section 4.5."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+
+from roboscribe.dsl.parser import parse_predicate
+from roboscribe.dsl.semantics import holds
+from roboscribe.dsl.syntax import Not, Predicate
+from roboscribe.envs.point_world import PointTask
+from roboscribe.errors import Fail
+from roboscribe.loop_guard import loop_examples, order_condition, predicate_synthesis
+from tests.handmade import AT, HOLD, bottom_up, chain, evidence, node, state, top_down
+
+TASK = PointTask("toy", ("block",) * 3)
+AT_NODE = node("at", AT, "b1", circular=True)
+TREE = chain(node("hold", HOLD, "b1"), AT_NODE)
+
+
+def lowest_first(below: str) -> Predicate:
+    """Eq. 4, or its mirror image."""
+    at, other = AT.format("b1"), AT.format("o")
+    return parse_predicate(f"¬({at}) ∧ ¬∃o:block. {below} ∧ ¬({other})")
+
+
+def agree(one: Predicate, other: Predicate) -> bool:
+    """Compare two guards on every order of goals with every first part of the blocks placed."""
+    goals = np.array([[1.5, 0.0], [1.5, 0.2], [1.5, 0.4]])
+    starts = np.array([[0.1, 0.7], [0.4, 0.1], [0.8, 0.5]])
+    rows = [
+        state(TASK.layout, np.zeros(2), np.where(np.array(placed)[:, None], heights, starts), heights)
+        for heights in (goals[list(p)] for p in permutations(range(3)))
+        for placed in np.ndindex(2, 2, 2)
+    ]
+    answers = [[holds(p, np.stack(rows), {"b1": entity}, TASK.layout) for entity in range(3)] for p in (one, other)]
+    return bool(np.array_equal(*answers))
+
+
+def test_a_tower_built_bottom_up_gives_eq_4() -> None:
+    guard = predicate_synthesis(evidence(TASK, bottom_up), TREE, AT_NODE)
+    assert not isinstance(guard, Fail)
+    assert agree(guard, lowest_first("g(o)↓z < g(b1)↓z"))
+
+
+def test_a_tower_built_top_down_gives_its_mirror_image() -> None:
+    guard = predicate_synthesis(evidence(TASK, top_down), TREE, AT_NODE)
+    assert not isinstance(guard, Fail)
+    assert agree(guard, lowest_first("g(b1)↓z < g(o)↓z"))
+
+
+def test_no_order_leaves_the_end_of_the_loop() -> None:
+    rng = np.random.default_rng(1)
+    shown = evidence(TASK, lambda goals: [int(i) for i in rng.permutation(len(goals))])
+    assert predicate_synthesis(shown, TREE, AT_NODE) == Not(AT_NODE.predicate)
+
+
+def test_every_entity_is_positive_exactly_while_it_is_handled() -> None:
+    shown = evidence(TASK, episodes=1)
+    (trajectory,) = shown.trajectories
+    examples = loop_examples(shown, AT_NODE.predicate)
+    ends = [int(shown.first_steps(parse_predicate(AT.format(name)))[0]) for name in ("b1", "b2", "b3")]
+    for entity, begin, end in zip(range(3), [0, *ends], ends, strict=False):
+        mine = examples[examples.entities == entity]
+        steps = np.arange(len(trajectory))
+        assert np.array_equal(mine.states, trajectory.states)
+        assert np.array_equal(mine.positive, (begin <= steps) & (steps < end))
+        assert np.array_equal(mine.done, steps >= end)
+
+
+def test_demonstrations_that_leave_an_entity_out_show_nothing() -> None:
+    shown = evidence(TASK, lambda goals: bottom_up(goals)[:2])
+    assert len(loop_examples(shown, AT_NODE.predicate).states) == 0
+    assert predicate_synthesis(shown, TREE, AT_NODE) == Fail(
+        "no demonstration handles entities one after another until at"
+    )
+
+
+def test_the_lower_goal_decides_between_two_kinds() -> None:
+    task = PointTask("toy", ("peg", "cube"))
+    peg, cube = node("at", AT, "p1"), node("at2", AT, "c1")
+    shown = evidence(task, bottom_up)
+    assert order_condition(shown, peg, cube) == parse_predicate("g(p1)↓z < g(c1)↓z")
+    assert order_condition(shown, cube, peg) in (
+        parse_predicate("g(c1)↓z < g(p1)↓z"),
+        parse_predicate("¬(g(p1)↓z < g(c1)↓z)"),
+    )
+
+
+def test_an_order_drawn_by_lot_has_no_condition() -> None:
+    task = PointTask("toy", ("peg", "cube"))
+    rng = np.random.default_rng(0)
+    shown = evidence(task, lambda goals: [int(i) for i in rng.permutation(2)])
+    answer = order_condition(shown, node("at", AT, "p1"), node("at2", AT, "c1"))
+    assert answer == Fail("no comparison of coordinates explains why at sometimes comes before at2")
