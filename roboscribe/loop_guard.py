@@ -135,7 +135,9 @@ def guard_atoms(examples: Examples, evidence: Evidence, tree: Tree, node: Node) 
     both = [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity, other)) if len(free_vars(p)) == 2]
 
     def truth(p: Predicate, others: int | None = None) -> BoolArray:
-        binding = {entity: examples.entities} if others is None else {entity: examples.entities, other: others}
+        binding: dict[str, IntArray | int] = {entity: examples.entities}
+        if others is not None:
+            binding[other] = others
         return holds(p, examples.states, binding, layout)
 
     members = layout.of_type(kind)

@@ -195,7 +195,7 @@ class Lookahead:
         """Every action on offer (C, A): open fingers first, for of equals the first is taken."""
         turns = np.linspace(0.0, 2 * np.pi, HEADINGS, endpoint=False)
         heading = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-        moves = np.concatenate([speed * heading for speed in SPEEDS])
+        moves: FloatArray = np.concatenate([speed * heading for speed in SPEEDS])
         if not self.task.fingers:
             return moves
         opened, closed = (np.column_stack([moves, np.full(len(moves), f)]) for f in (-1.0, 1.0))

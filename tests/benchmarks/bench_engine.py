@@ -47,7 +47,7 @@ class Watch:
         self.cpu += process_time()
 
     def speeds(self, steps: int) -> tuple[float, float]:
-        """Steps per second of wall time and of processor time."""
+        """Give steps per second of wall time and of processor time."""
         return steps / self.wall, steps / self.cpu
 
 

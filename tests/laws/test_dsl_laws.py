@@ -114,7 +114,7 @@ programs = st.builds(Program, st.sampled_from(["Tower", "P_1"]), statements)
 # Well-typed predicates over the free variables b and c: what has a meaning.
 @st.composite
 def scalars(draw: st.DrawFn, scope: tuple[str, ...]) -> Term:
-    """A number that depends on the state."""
+    """Give a number that depends on the state."""
     places = st.one_of(
         st.just(Robot()), st.sampled_from(scope).map(Var), st.sampled_from(scope).map(lambda v: Goal(Var(v)))
     )
@@ -135,7 +135,7 @@ def scalars(draw: st.DrawFn, scope: tuple[str, ...]) -> Term:
 
 @st.composite
 def meaningful(draw: st.DrawFn, scope: tuple[str, ...] = ("b", "c"), depth: int = 3) -> Predicate:
-    """A well-typed predicate over the variables in scope."""
+    """Draw a well-typed predicate over the variables in scope."""
     small = st.floats(-3, 3).map(Const)
     kind = draw(
         st.sampled_from(["less", "greater", "null", "not", "and", "or", "exists"] if depth else ["less", "greater"])
@@ -255,7 +255,7 @@ def test_a_batch_is_decided_as_its_rows_one_by_one(p: Predicate, seed: int) -> N
 
 @st.composite
 def runnable(draw: st.DrawFn) -> Program:
-    """A well-typed program with a loop, a branch and straight-line code."""
+    """Draw a well-typed program with a loop, a branch and straight-line code."""
     where, test, guard = (draw(meaningful(("b",), 2)) for _ in range(3))
     untils = [draw(meaningful(("b",), 1)) for _ in range(3)]
     acts = [Run(f"r{rank}", (Robot(), Var("b")), until) for rank, until in enumerate(untils)]
