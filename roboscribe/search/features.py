@@ -68,11 +68,6 @@ class Feature:
         return self.entities == 1 and objects
 
     @property
-    def relational(self) -> bool:
-        """Whether α compares two objects."""
-        return "−" in self.family or "∠" in self.family
-
-    @property
     def size(self) -> int:
         """Nodes of α and its quantifier."""
         return size(self.term) + (1 if self.over else 0)
