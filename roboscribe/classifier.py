@@ -61,8 +61,8 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
 
     Source:  Algorithm 3.
     Departs: the lift of line 2 ranges over entities other than those the program already handles; an exact ranked
-        search over one and two atoms comes before the decision tree; negatives on which the learned predecessor
-        does not hold are told apart by it already and do not count.
+        search over single atoms, over what one atom adds to a predecessor, and over pairs comes before the decision
+        tree; negatives on which the learned predecessor does not hold are told apart by it already and do not count.
     """
     positives = evidence.states_before(tree.node(psi).predicate)
     if not len(positives):

@@ -19,15 +19,13 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 LEVELS = (0.03, 0.1)
 """Shares of accepted negatives that count as nearly equally good."""
 TOLERANCE = 0.2
-"""Share of accepted negatives beyond which a predicate does not separate: episodes that begin with φ satisfied fail for
-another reason, so it is not far below `MOST_INITIAL`."""
+"""Share of accepted negatives up to which it separates: episodes that begin with it fail for another reason."""
 ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
 """Price of a node of a predicate, in lengths of a demonstration: of two equally early ones the shorter is wanted."""
 OWN_GOAL_GAIN = 0.2
-"""What speaking of an entity's own goal, the form of task specifications (Sec. 3), is worth in lengths of a
-demonstration: a coordinate crosses some threshold a little before the entity is at its goal."""
+"""Worth of an entity's own goal, in lengths of a demonstration: a coordinate crosses its threshold a little earlier."""
 OFTEN = 0.1
 """Share of the demonstrations beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
