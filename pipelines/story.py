@@ -117,6 +117,8 @@ def _trained(report: Mapping[str, Any]) -> str:
     name, learner, steps = report["controller"], report["learner"], report["control_steps"]
     if learner == "scripted":
         return f"π_{name}: scripted"
+    if not report["starts"] and learner == "kept":
+        return f"π_{name}: kept, for the program rarely solves the task: a subgoal is missing ({steps} control steps)"
     if not report["starts"]:
         return f"π_{name}: {learner}; no states to start from were found in {steps} control steps"
     rates = f"{report['warm_success']:.0%} → {report['success']:.0%}"

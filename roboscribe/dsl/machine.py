@@ -35,7 +35,7 @@ class Machine:
 
     Source: Fig. 14.
     Departs: `until` is confirmed over several states, and controllers time out, since single observations are noisy
-        and a learned controller may never arrive (algorithms.md, rulings 11 and 12).
+        and a learned controller may never arrive.
     """
 
     def __init__(

@@ -231,7 +231,7 @@ def _namer(known: tuple[Definition, ...]) -> Namer:
 
 
 def pretty(program: Program) -> str:
-    """Print a program indented, each learned predicate defined once under `where` (algorithms.md, section 6)."""
+    """Print a program indented, each learned predicate defined once under `where`."""
     known = definitions(program)
     lines = [f"def {program.name}(μ : EE):", *_indent(_lines(program.body, _namer(known)))]
     if known:

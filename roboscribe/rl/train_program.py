@@ -135,7 +135,7 @@ def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Ta
     Returns:
         Steps by controller name; controllers that no demonstration runs are left out.
 
-    Source: algorithms.md, ruling 12.
+    Departs: the paper's π[φ] runs until φ, however long; a learned controller may never arrive.
     """
     return Setting(task, program, demonstrations, TrainConfig(), 0, True).limits
 
