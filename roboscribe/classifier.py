@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roboscribe.dsl.rewrite import rename, walk
-from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Predicate
+from roboscribe.dsl.semantics import evaluate, holds
+from roboscribe.dsl.syntax import And, Const, Greater, Less, Predicate, Term
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.naming import name_predicate
-from roboscribe.search.predicates import Anchor, Candidate, Samples, rank_predicates
+from roboscribe.search.predicates import Anchor, Candidate, Samples, bound, rank_predicates
 from roboscribe.subtask_tree import NEVER, Node, Tree
 from roboscribe.world.layout import FloatArray, IntArray
 
@@ -32,7 +33,7 @@ class Refinement:
 
     Args:
         psi: name of the goal that could not be reached.
-        node: the subgoal φ; an existing node of the tree when φ is reused.
+        node: the subgoal φ; when φ is reused an existing node of the tree, its thresholds perhaps moved.
         reused: whether φ is an existing predecessor that recurs with another entity.
         table: every separating predicate considered, best first (empty when reused).
         positives: count of P_s.
@@ -88,15 +89,48 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
 
 
 def _recurring(positives: FloatArray, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Node | None:
-    """Line 2: a predecessor of ψ that some unhandled entity of the same type satisfies in P_s and never in N_s."""
+    """Line 2: a predecessor of ψ that some unhandled entity of the same type satisfies in P_s and never in N_s.
+
+    Departs: its thresholds, learned from one entity, are moved to where they hold for all those that satisfy it.
+    """
     for node in tree.predecessors(psi):
         if len(node.entities) == 1:
-            for other in _unhandled(node, evidence):
-                phi = rename(node.predicate, {node.entities[0]: other})
-                accepted = _share(phi, negatives, evidence)
-                if _share(phi, positives, evidence) >= 1 - REUSE_MISSES and accepted <= REUSE_ACCEPTS:
-                    return node
+            others = [
+                other for other in _unhandled(node, evidence) if _recurs(node, other, positives, negatives, evidence)
+            ]
+            if others:
+                return replace(node, predicate=_widened(node, others, positives, negatives, evidence))
     return None
+
+
+def _recurs(node: Node, other: str, positives: FloatArray, negatives: FloatArray, evidence: Evidence) -> bool:
+    phi = rename(node.predicate, {node.entities[0]: other})
+    often = _share(phi, positives, evidence) >= 1 - REUSE_MISSES
+    return often and _share(phi, negatives, evidence) <= REUSE_ACCEPTS
+
+
+def _widened(
+    node: Node, others: Sequence[str], positives: FloatArray, negatives: FloatArray, evidence: Evidence
+) -> Predicate:
+    """Move each threshold of φ that is too tight to where it holds on P_s for `others`, too."""
+    (entity,), layout = node.entities, evidence.layout
+
+    def values(term: Term, states: FloatArray, names: Sequence[str]) -> FloatArray:
+        return np.concatenate([evaluate(rename(term, {entity: e}), states, {}, layout)[..., 0] for e in names])
+
+    def widen(part: Predicate) -> Predicate:
+        match part:
+            case And(left, right):
+                return And(widen(left), widen(right))
+            case Less(term, Const(old)) | Greater(term, Const(old)):
+                sign = 1.0 if isinstance(part, Less) else -1.0
+                pos = sign * values(term, positives, [entity, *others])
+                neg = sign * values(term, negatives, others)
+                if pos.max() >= sign * old:
+                    return replace(part, right=Const(sign * bound(pos, neg, float(np.std(neg)))[0]))
+        return part
+
+    return widen(node.predicate)
 
 
 def _unhandled(node: Node, evidence: Evidence) -> list[str]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, size
+from roboscribe.dsl.rewrite import free_vars, rename, size, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Goal, Less, Not, Object, Predicate, Proj, Truth, Var
 from roboscribe.errors import Fail
@@ -19,6 +19,8 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 TOLERANCE = 0.02
 """Share of positive, and of negative, examples on which a guard may err: `at` flickers while a block is let go."""
+CHOICE_TOLERANCE = 0.1
+"""The same for who plays a role: now and then a demonstrator brushes another entity first."""
 MOST_EXAMPLES = 6_000
 """Examples beyond this many are thinned evenly."""
 
@@ -66,11 +68,43 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
         return Truth()
+    (entity,) = free_vars(node.predicate)
+    nodes = (node, *tree.below(node.name))
+    learned = tuple(dict.fromkeys(n.predicate for n in nodes if free_vars(n.predicate) == (entity,)))
     for shown in (examples, examples[examples.positive | examples.done]):
-        guard = top_down_enum(guard_atoms(shown, evidence, tree, node), shown.positive, TOLERANCE)
+        guard = top_down_enum(guard_atoms(shown, evidence, entity, learned), shown.positive, TOLERANCE)
         if guard is not None:
             return guard
     return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
+
+
+def entity_choice(evidence: Evidence, entity: str) -> Predicate:
+    """Find what tells the entity that plays a role from the others of its type at the start of a demonstration.
+
+    Args:
+        evidence: demonstrations, in which `entity` names the same role.
+        entity: its name.
+
+    Returns:
+        A predicate over `entity`; True where it is the only one, or nothing in the grammar tells it apart.
+
+    Departs: the paper's straight-line programs take any entity, with which the demonstrations need not have begun.
+    """
+    layout, starts = evidence.layout, evidence.states[evidence.starts]
+    members = np.array(layout.of_type(evidence.types[entity]), dtype=np.int64)
+    entities = np.tile(members, len(starts))
+    positive = entities == layout.names.index(entity)
+    shown = Examples(np.repeat(starts, len(members), axis=0), entities, positive, ~positive)
+    if positive.all():
+        return Truth()
+    atoms = guard_atoms(shown, evidence, entity, ())
+    alike = replace(atoms, outer=tuple(filter(_alike, atoms.outer)), inner=tuple(filter(_alike, atoms.inner)))
+    return top_down_enum(alike, positive, CHOICE_TOLERANCE) or Truth()
+
+
+def _alike(literal: Literal) -> bool:
+    """Whether goals are compared with goals, and objects with objects: at rest the others differ by noise alone."""
+    return len({type(part.of) for part in walk(literal.predicate) if isinstance(part, Proj)}) == 1
 
 
 def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
@@ -114,23 +148,20 @@ LEARNED_COST = 1
 COMPARISON_COST = 2
 
 
-def guard_atoms(examples: Examples, evidence: Evidence, tree: Tree, node: Node) -> Atoms:
+def guard_atoms(examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate]) -> Atoms:
     """Tabulate the atoms of a guard: learned predicates, and comparisons of coordinates of entities and goals.
 
     Args:
         examples: where the atoms are evaluated.
         evidence: demonstrations, for layout and types.
-        tree: T.
-        node: the circular node ∃o.φ; the loop's entity v has the name of φ's.
+        entity: v, the name that stands for the entity that an example is about.
+        learned: predicates about it alone.
 
     Returns:
         Atoms about v, and, for every entity v' of its type, about v' and about both.
     """
-    (entity,) = free_vars(node.predicate)
     kind, layout = evidence.types[entity], evidence.layout
     other = f"{layout.letter(kind)}'"
-    nodes = (node, *tree.below(node.name))
-    learned = dict.fromkeys(n.predicate for n in nodes if free_vars(n.predicate) == (entity,))
     own = [(p, LEARNED_COST) for p in learned] + [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity,))]
     both = [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity, other)) if len(free_vars(p)) == 2]
 

@@ -20,13 +20,12 @@ from roboscribe.dsl.syntax import (
     Run,
     Solved,
     Statement,
-    Truth,
     Var,
     While,
 )
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.loop_guard import order_condition, predicate_synthesis
+from roboscribe.loop_guard import entity_choice, order_condition, predicate_synthesis
 from roboscribe.subtask_tree import ROOT, Node, Tree
 
 OPAQUE = "R"
@@ -55,7 +54,11 @@ def gen_program(goal: str, evidence: Evidence, tree: Tree, name: str = "P") -> P
     body = writer.tree2program(tree.node(ROOT))
     if isinstance(body, Fail):
         return body
-    gets = [Get(Var(v), kind, Truth()) for v, kind in writer.straight.values() if v in free_vars(body)]
+    gets = [
+        Get(Var(v), kind, rename(entity_choice(evidence, entity), {entity: v}))
+        for entity, (v, kind) in writer.straight.items()
+        if v in free_vars(body)
+    ]
     return Program(name, seq(*gets, body))
 
 

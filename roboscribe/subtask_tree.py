@@ -69,7 +69,7 @@ def update_tree(tree: Tree, phi: Node, psi: str) -> Tree:
 
     Args:
         tree: T.
-        phi: the new node; a φ equivalent to a predecessor of ψ marks that predecessor as circular.
+        phi: the new node; a φ equivalent to a predecessor of ψ, or of its name, marks that predecessor as circular.
         psi: name of the goal ψ.
 
     Returns:
@@ -79,8 +79,9 @@ def update_tree(tree: Tree, phi: Node, psi: str) -> Tree:
     Departs: the edge True → ψ is removed once ψ has a learned predecessor, for True is then reached through it.
     """
     for old in tree.predecessors(psi):
-        if alpha_equivalent(old.predicate, phi.predicate):
-            return replace(tree, nodes=tuple(replace(n, circular=True) if n == old else n for n in tree.nodes))
+        if old.name == phi.name or alpha_equivalent(old.predicate, phi.predicate):
+            again = replace(phi if old.name == phi.name else old, circular=True)
+            return replace(tree, nodes=tuple(again if n == old else n for n in tree.nodes))
     nodes = (*tree.nodes, phi)
     kept = tuple(edge for edge in tree.edges if edge != (TRUE, psi))
     for old in tree.predecessors(psi):

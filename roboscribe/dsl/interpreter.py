@@ -195,17 +195,20 @@ def segment(
     trajectory: Trajectory,
     limits: Mapping[str, int] | None = None,
     solved: SolvedTest | None = None,
+    *,
+    after_end: bool = True,
 ) -> tuple[Segment, ...]:
     """Cut a demonstration into the parts that each visit to a controller statement would have been responsible for.
 
     The program is advanced along the demonstrated states. A statement whose goal holds on arrival gets no frame, unless
-    it is the last one: frames after the program's end belong to the last statement reached.
+    it is the last one: frames after the program's end belong to the last statement reached, if asked so.
 
     Args:
         program: what to advance.
         trajectory: T + 1 states.
         limits: step limit by controller name; none by default.
         solved: answers ψ_R, where the program mentions it.
+        after_end: whether what comes after the program's end belongs to the last statement.
 
     Returns:
         Segments in order, without gaps from the first controller on; empty if no controller is ever reached.
@@ -217,6 +220,8 @@ def segment(
     visit = 0
     for frame in range(len(trajectory) - 1):
         machine.advance(row, trajectory.states[frame : frame + 1])
+        if machine.ended[0] and not after_end:
+            break
         line = int(machine.run_index[0])
         if line >= 0 and machine.visit[0] != visit:
             visit = int(machine.visit[0])

@@ -35,15 +35,9 @@ RISE = 0.05
 """The hand is still around a block up to this height above it, m."""
 REST = 0.16
 """Height above the highest goal to which the hand leaves at the end, m."""
-RELEASE = 0.05
-"""Finger command that opens: the fingers start from rest, a larger one throws neighbours away."""
-GENTLE = 0.03
-"""Finger command that closes until they have met the block: full force would throw it."""
-SKEW = 0.066
-"""From here on the fingers close with growing force, which turns a block that stands askew, m."""
 CALM = 0.4
 """Share of the noise close to a block."""
-SPREAD = np.array([0.1, 0.1, 0.1, 0.02])
+SPREAD = np.array([0.15, 0.15, 0.15, 0.1])
 """Standard deviation of the noise."""
 
 
@@ -100,8 +94,7 @@ def command(keep_last: bool, states: FloatArray) -> FloatArray:
     move = np.where(over[:, None], _rest(hand, goals), move)
     mine = (np.arange(goals.shape[1]) == index[:, None]) & ~over[:, None]
     move = _leave(move, hand, opening, np.where(mine[..., None], np.inf, blocks), goals)
-    close = -GENTLE - (PINCH - GENTLE) * ramp(-opening, -SKEW, -GRIP)
-    return np.concatenate([np.clip(move, -1.0, 1.0), np.where(around, close, RELEASE)[:, None]], axis=1)
+    return np.concatenate([np.clip(move, -1.0, 1.0), np.where(around, -PINCH, PINCH)[:, None]], axis=1)
 
 
 def calm(states: FloatArray) -> FloatArray:

@@ -73,10 +73,11 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         network = mlp([inputs.shape[1], *config.hidden, 2 * actions])
+    steps = min(config.steps, max(config.least_steps, len(samples)))
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
-    stops = {config.steps * (rank + 1) // config.checkpoints for rank in range(config.checkpoints)}
-    for step in range(1, config.steps + 1):
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    stops = {steps * (rank + 1) // config.checkpoints for rank in range(config.checkpoints)}
+    for step in range(1, steps + 1):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
         blurred = inputs[batch] + config.input_noise * torch.randn(config.batch, inputs.shape[1], generator=generator)
         loss = gaussian_loss(network(blurred), targets[batch], config.least_log_std)

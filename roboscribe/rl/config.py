@@ -13,7 +13,8 @@ class CloneConfig:
     """Cloning of segments.
 
     Args:
-        steps: gradient steps.
+        steps: most gradient steps; in between there is one per frame.
+        least_steps: fewest gradient steps.
         checkpoints: how many evenly spaced weights are tried by rollouts.
         batch: samples per step.
         learning_rate: Adam's, falling to zero along a cosine.
@@ -25,10 +26,11 @@ class CloneConfig:
         attempts: seeds tried until a clone reaches the target.
     """
 
-    steps: int = 1500
+    steps: int = 6000
+    least_steps: int = 1500
     checkpoints: int = 3
     batch: int = 256
-    learning_rate: float = 1e-3
+    learning_rate: float = 3e-3
     hidden: tuple[int, ...] = (128, 128)
     limit: float = 2.5
     least_log_std: float = -3.0
@@ -138,16 +140,16 @@ class PoolConfig:
         opaque: either, for the cheap attempt on ψ_R itself.
         attempts: episodes run at most, per start asked for.
         screening: held-out starts after which a hopeless candidate is dropped without trying the others.
-        per_episode: cap per episode.
+        tries: cap per episode and bound entities.
         batch: rows stepped at once.
     """
 
-    starts: int = 256
+    starts: int = 400
     evaluation: int = 200
     opaque: int = 32
     attempts: int = 3
     screening: int = 50
-    per_episode: int = 4
+    tries: int = 2
     batch: int = 64
 
 
@@ -157,18 +159,24 @@ class TrainConfig:
 
     Args:
         profile: what may be learned from: `actions`, `states` or `paper`.
-        target: evaluated success at which a skill is good enough.
+        target: evaluated success at which a skill of a program for ψ_R is good enough.
+        subgoal_target: the same where the program is for a subgoal.
         budget: control steps that may be spent on one skill's reinforcement learning.
+        promising: success of a warm start from which on the whole budget may be spent.
+        hard_budget: the same for other skills, whose goals had better be refined.
         opaque_budget: the same for an attempt on ψ_R itself.
         confirm: consecutive steps for which a subgoal must hold.
-        screening: episodes that tell whether the last skill of a program is worth improving for ψ_R.
+        screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
         worth_improving: share of them that must succeed.
         blind_noise: exploration, pre-tanh, of an attempt on ψ_R itself.
     """
 
     profile: Profile = "actions"
     target: float = 0.995
+    subgoal_target: float = 0.97
     budget: int = 250_000
+    promising: float = 0.25
+    hard_budget: int = 60_000
     opaque_budget: int = 10_000
     confirm: int = 3
     screening: int = 32

@@ -55,8 +55,8 @@ class ObservationSpec:
 
     Args:
         types: type of each bound entity, by slot.
-        parts: attributes seen.
-        pairs: ranks of parts whose difference is seen too.
+        parts: attributes looked at.
+        pairs: ranks of parts of which the difference is seen instead of themselves.
         fine: scales of the fine copies of those differences, m.
         mean: of attributes and differences, in their units; empty before `fitted`.
         std: as `mean`.
@@ -68,6 +68,12 @@ class ObservationSpec:
     fine: tuple[float, ...] = FINE_SCALES
     mean: tuple[float, ...] = ()
     std: tuple[float, ...] = ()
+
+    @property
+    def alone(self) -> tuple[int, ...]:
+        """Ranks of the parts that are seen themselves: those of which no difference is."""
+        paired = {rank for pair in self.pairs for rank in pair}
+        return tuple(rank for rank in range(len(self.parts)) if rank not in paired)
 
     def fitted(self, layout: Layout, states: FloatArray, entities: IntArray) -> ObservationSpec:
         """Return the spec with mean and spread taken from states (R, F) and entities (R, n)."""
@@ -140,6 +146,8 @@ def observation_spec(
     layout: Layout,
     units: Sequence[str] = DEFAULT_UNITS,
     robot_units: Sequence[str] = ROBOT_UNITS,
+    *,
+    goals: bool = False,
 ) -> ObservationSpec:
     """Build the spec of a controller from its arguments; `fitted` completes it.
 
@@ -149,13 +157,15 @@ def observation_spec(
         layout: declares the attributes.
         units: attributes of entities in other units are not seen.
         robot_units: the same for the robot.
+        goals: whether the goals of entities among the arguments are seen, too.
 
     Returns:
         Attributes in order of the arguments, and the difference of every two positions (unit m) named alike.
     """
     names = run_variables(run)
+    further = [Goal(Var(name)) for name in names if goals and layout.types[types[name]].goal]
     seen: list[tuple[Part, Attribute]] = []
-    for arg in run.args:
+    for arg in dict.fromkeys((*run.args, *further)):
         slot = ROBOT if isinstance(arg, Robot) else names.index(arg.name if isinstance(arg, Var) else arg.of.name)
         kind = layout.robot if isinstance(arg, Robot) else layout.types[types[names[slot]]]
         goal = isinstance(arg, Goal)
@@ -194,7 +204,7 @@ class Encoder:
         """Count of network inputs."""
         widths = [table.shape[1] for _, table in self.columns]
         differences = sum(widths[i] for i, _ in self.spec.pairs)
-        return sum(widths) + differences * (1 + len(self.spec.fine))
+        return sum(widths[i] for i in self.spec.alone) + differences * (1 + len(self.spec.fine))
 
     def _split(self, states: FloatArray, entities: IntArray) -> tuple[FloatArray, FloatArray]:
         """Gather attributes (R, W) and differences (R, D)."""
@@ -202,8 +212,9 @@ class Encoder:
         at = [table if slot == ROBOT else table[entities[:, slot]] for slot, table in self.columns]
         values = [states[rows, columns] for columns in at]
         differences = [values[i] - values[j] for i, j in self.spec.pairs]
+        alone = [values[i] for i in self.spec.alone]
         none = np.zeros((len(states), 0))
-        return np.concatenate([none, *values], axis=1), np.concatenate([none, *differences], axis=1)
+        return np.concatenate([none, *alone], axis=1), np.concatenate([none, *differences], axis=1)
 
     def raw(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """Return attributes and differences (R, W + D) in their units."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,10 +38,15 @@ class StartPool:
             self.snapshots[rows], self.states[rows], self.entities[rows], self.elapsed[rows], self.episode[rows]
         )
 
-    def capped(self, per_episode: int) -> StartPool:
-        """Keep the first `per_episode` starts of each episode, so that rows that keep failing do not fill the pool."""
-        first = np.searchsorted(self.episode, self.episode)
-        return self.take(np.flatnonzero(np.arange(len(self)) - first < per_episode))
+    def capped(self, tries: int) -> StartPool:
+        """Keep the first `tries` starts with the same entities of each episode, lest failing again fills the pool."""
+        seen: Counter[tuple[int, ...]] = Counter()
+        kept = []
+        for row, key in enumerate(zip(self.episode.tolist(), *self.entities.T.tolist(), strict=True)):
+            seen[key] += 1
+            if seen[key] <= tries:
+                kept.append(row)
+        return self.take(np.array(kept, np.int64))
 
     def split(self, episodes: int) -> tuple[StartPool, StartPool]:
         """Hold out the starts of the first `episodes` episodes that have any; returns (held out, rest)."""

@@ -10,9 +10,9 @@ from zlib import crc32
 import numpy as np
 
 from roboscribe.dsl.interpreter import Segment, segment
-from roboscribe.dsl.rewrite import controllers, run_variables, walk
+from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
 from roboscribe.dsl.semantics import evaluate
-from roboscribe.dsl.syntax import Get, Program, Run, Seq, Solved
+from roboscribe.dsl.syntax import Exists, Get, Program, Run, Seq, Solved, While
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.config import TrainConfig
@@ -20,10 +20,21 @@ from roboscribe.rl.observation import ObservationSpec, observation_spec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.starts import Prefix, collect_starts
-from roboscribe.rl.subtask import Subtask
+from roboscribe.rl.subtask import Invariant, Subtask
 from roboscribe.rl.warm_start import Frames, frames_of, joined
 from roboscribe.world.protocols import Task
 from roboscribe.world.trajectory import Trajectory
+
+USUALLY = 0.95
+"""Share of a controller's segments that its step limit allows twice: a demonstrator's rare mishap sets no limit."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Controllers that are learned together: those of one outermost `loop`, or a single one."""
+
+    runs: tuple[Run, ...]
+    loop: bool
 
 
 @dataclass(frozen=True)
@@ -51,19 +62,48 @@ class Setting:
         """The program's controller statements in textual order."""
         return controllers(self.program)
 
+    @property
+    def target(self) -> float:
+        """Success at which a skill is good enough; one that has only been met on the way may be improved later."""
+        return self.config.target if self.solve else self.config.subgoal_target
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The controllers of each outermost loop together, every other one alone, in textual order."""
+        found: list[Group] = []
+        for part in walk(self.program):
+            if isinstance(part, While | Run):
+                seen = {run.controller for group in found for run in group.runs}
+                runs = tuple(run for run in controllers(part) if run.controller not in seen)
+                found.append(Group(runs, isinstance(part, While)))
+        return tuple(found)
+
+    def invariant(self, run: Run) -> Invariant | None:
+        """Return what the loop around a controller, or the last one before it, brings about for each entity."""
+        found: Invariant | None = None
+        for part in walk(self.program):
+            if part is run:
+                return found
+            if isinstance(part, While) and isinstance(part.guard, Get):
+                get, reached = part.guard, controllers(part.body)[-1].until
+                found = Invariant(reached, get.var.name, get.type) if free_vars(reached) == (get.var.name,) else found
+        return found
+
     @cached_property
     def segments(self) -> tuple[tuple[Segment, ...], ...]:
-        """Each demonstration cut by the program."""
-        return tuple(segment(self.program, shown, solved=self.task.solved) for shown in self.demonstrations)
+        """Each demonstration cut by the program; what comes after its end counts where it is to bring ψ_R about."""
+        return tuple(
+            segment(self.program, shown, solved=self.task.solved, after_end=self.solve) for shown in self.demonstrations
+        )
 
     @cached_property
     def limits(self) -> dict[str, int]:
-        """Step limit by controller: twice its longest segment; those that no demonstration runs are left out."""
-        longest: dict[str, int] = {}
+        """Step limit by controller: twice what its segments take; those that no demonstration runs are left out."""
+        steps: dict[str, list[int]] = {}
         for part in (part for parts in self.segments for part in parts):
-            name = self.runs[part.run_index].controller
-            longest[name] = max(longest.get(name, 0), part.stop - part.start)
-        return {name: 2 * steps for name, steps in longest.items() if steps > 0}
+            steps.setdefault(self.runs[part.run_index].controller, []).append(part.stop - part.start)
+        usual = {name: int(np.ceil(np.quantile(counts, USUALLY))) for name, counts in steps.items()}
+        return {name: 2 * count for name, count in usual.items() if count > 0}
 
     def draw(self, name: str) -> np.random.Generator:
         """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
@@ -93,17 +133,23 @@ class Setting:
             confirm=self.config.confirm,
             maintain=self.is_last(run),
             scales=self.scales(run),
+            invariant=self.invariant(run),
         )
 
     def scales(self, run: Run) -> dict[str, float]:
-        """Return the spread of each atom's term over the demonstrated segments of a skill, by the term's text."""
+        """Return the spread of each atom's term over the demonstrated segments of a skill, by the term's text.
+
+        The variable of a quantifier ranges over all its entities.
+        """
         values: dict[str, list[float]] = {}
+        layout = self.task.layout
+        every = {part.var.name: np.array(layout.of_type(part.type))[:, None] for part in _quantifiers(run)}
         for shown, part in self._parts(run):
-            binding = dict(zip(run_variables(run), part.entities, strict=True))
+            binding = every | dict(zip(run_variables(run), part.entities, strict=True))
             states = shown.states[part.start : part.stop + 1]
             for term in map(atom_term, atoms(run.until)):
-                found = evaluate(term, states, binding, self.task.layout)
-                values.setdefault(str(term), []).extend(found[..., 0].tolist())
+                found = evaluate(term, states, binding, layout)
+                values.setdefault(str(term), []).extend(found[..., 0].ravel().tolist())
         spreads = {text: float(np.nanstd(found)) for text, found in values.items()}
         return {text: spread for text, spread in spreads.items() if spread > 0}
 
@@ -121,9 +167,13 @@ class Setting:
         return joined(found) if found else None
 
     def spec(self, run: Run, *units: Sequence[str]) -> ObservationSpec:
-        """Return what is seen of a controller's arguments, not yet normalised."""
+        """Return what is seen of a controller's arguments, not yet normalised.
+
+        In a loop goals are seen, too: a controller takes over where the last entity was served, and has to leave it.
+        """
         types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
-        return observation_spec(run, types, self.task.layout, *units)
+        loops = any(group.loop and run in group.runs for group in self.groups)
+        return observation_spec(run, types, self.task.layout, *units, goals=loops)
 
     def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
         """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
@@ -144,5 +194,9 @@ class Setting:
         seeds = rng.integers(2**31, size=config.attempts * (starts + evaluation))
         found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch)
         share = evaluation / (starts + evaluation)
-        held_out, pool = found.capped(config.per_episode).split(round(share * len(np.unique(found.episode))))
+        held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
         return held_out, pool, steps
+
+
+def _quantifiers(run: Run) -> tuple[Exists, ...]:
+    return tuple(part for part in walk(run.until) if isinstance(part, Exists))

@@ -15,6 +15,9 @@ from roboscribe.rl.subtask import Subtask
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.protocols import World
 
+COUNTS = ("steps", "streak", "limit", "harm", "standing")
+"""What a row's attempt in progress is known by."""
+
 
 class Controller(Protocol):
     """Anything that turns states and bound entities into actions."""
@@ -36,7 +39,10 @@ class Step:
 
 
 class Progress:
-    """Counts steps and consecutive achievements of rows, and says when each row's attempt is over."""
+    """Counts steps and consecutive achievements of rows, and says when each row's attempt is over.
+
+    An attempt that undoes what a loop around it had achieved fails as soon as that is confirmed.
+    """
 
     def __init__(self, subtask: Subtask, batch: int) -> None:
         """Count for `batch` rows."""
@@ -44,20 +50,27 @@ class Progress:
         self.steps = np.zeros(batch, np.int64)
         self.streak = np.zeros(batch, np.int64)
         self.limit = np.zeros(batch, np.int64)
+        self.harm = np.zeros(batch, np.int64)
+        self.standing = subtask.standing(np.zeros((batch, subtask.task.layout.size)), np.zeros((batch, 0), np.int64))
 
     def begin(self, rows: IntArray, states: FloatArray, start: StartPool) -> None:
         """Start attempts; what is left of the episode bounds them as the subtask's limit does."""
         self.steps[rows] = 0
         self.limit[rows] = np.maximum(1, np.minimum(self.subtask.limit, self.subtask.task.horizon - start.elapsed))
         self.streak[rows] = self.subtask.achieved(states, start.entities)
+        self.harm[rows] = 0
+        self.standing[rows] = self.subtask.standing(states, start.entities)
 
-    def advance(self, rows: IntArray, states: FloatArray, entities: IntArray) -> tuple[BoolArray, BoolArray]:
-        """Count one step of `rows`; returns which succeeded and which ran out of steps without."""
-        achieved = self.subtask.achieved(states, entities)
+    def advance(self, rows: IntArray, states: FloatArray, entities: IntArray) -> tuple[BoolArray, BoolArray, BoolArray]:
+        """Count one step of `rows`; returns which succeeded, which ran out of steps without, and which did harm."""
+        spared = self.subtask.spared(states, self.standing[rows])
+        achieved = self.subtask.achieved(states, entities) & spared
         self.steps[rows] += 1
         self.streak[rows] = np.where(achieved, self.streak[rows] + 1, 0)
+        self.harm[rows] = np.where(spared, 0, self.harm[rows] + 1)
         succeeded = self.streak[rows] >= self.subtask.needed
-        return succeeded, ~succeeded & (self.steps[rows] >= self.limit[rows])
+        harmful = self.harm[rows] >= self.subtask.confirm
+        return succeeded, ~succeeded & ~harmful & (self.steps[rows] >= self.limit[rows]), harmful
 
 
 class SkillEnv:
@@ -65,7 +78,7 @@ class SkillEnv:
 
     The step reward is (1 − γ)(R_φ + 1 while φ), so that returns stay within a few units. An attempt that succeeds is
     paid as if φ went on to hold for ever (1), because otherwise leaving and re-entering φ would earn more than
-    finishing; one that diverges is charged as much.
+    finishing; one that diverges, or undoes what a loop around it had achieved, is charged as much.
     """
 
     def __init__(self, subtask: Subtask, pool: StartPool, batch: int, gamma: float, rng: np.random.Generator) -> None:
@@ -91,20 +104,20 @@ class SkillEnv:
         """Apply actions (B, A) and reset the rows that ended."""
         states = self.world.step(self.rows, actions).copy()
         entities = self.entities.copy()
-        succeeded, truncated = self.progress.advance(self.rows, states, entities)
-        diverged = self.world.diverged(self.rows)
-        succeeded, truncated = succeeded & ~diverged, truncated & ~diverged
-        payment = (1 - self.gamma) * self.subtask.shaped(states, entities) + succeeded - 1.0 * diverged
+        succeeded, truncated, harmful = self.progress.advance(self.rows, states, entities)
+        lost = self.world.diverged(self.rows) | harmful
+        succeeded, truncated = succeeded & ~lost, truncated & ~lost
+        payment = (1 - self.gamma) * self.subtask.shaped(states, entities) + succeeded - 1.0 * lost
         self.states[:] = states
-        ended = np.flatnonzero(succeeded | truncated | diverged)
+        ended = np.flatnonzero(succeeded | truncated | lost)
         if len(ended):
             self._begin(ended)
-        return Step(payment, succeeded | diverged, truncated, succeeded, states, entities)
+        return Step(payment, succeeded | lost, truncated, succeeded, states, entities)
 
     def save(self) -> tuple[Arrays, Mapping[str, object]]:
         """Return all that decides the future: arrays, and the state of the random generator as JSON values."""
         arrays: Arrays = {"snapshots": self.world.save(self.rows), "states": self.states, "entities": self.entities}
-        arrays |= {"steps": self.progress.steps, "streak": self.progress.streak, "limit": self.progress.limit}
+        arrays |= {name: getattr(self.progress, name) for name in COUNTS}
         return {name: array.copy() for name, array in arrays.items()}, self.rng.bit_generator.state
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]], generator: Mapping[str, object]) -> None:
@@ -112,7 +125,7 @@ class SkillEnv:
         self.world.load(self.rows, np.asarray(arrays["snapshots"], np.float64))
         self.states[:] = arrays["states"]
         self.entities[:] = arrays["entities"]
-        for name in ("steps", "streak", "limit"):
+        for name in COUNTS:
             getattr(self.progress, name)[:] = arrays[name]
         self.rng.bit_generator.state = dict(generator)
 
@@ -196,7 +209,7 @@ def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, wo
             return Evaluation(success, final, world.control_steps - before)
         ranks = running[rows]
         final[ranks] = world.step(rows, controller.act(final[ranks], pool.entities[ranks]))
-        reached, late = progress.advance(ranks, final[ranks], pool.entities[ranks])
-        diverged = world.diverged(rows)
-        success[ranks] = reached & ~diverged
-        running[rows[reached | late | diverged]] = -1
+        reached, late, harmful = progress.advance(ranks, final[ranks], pool.entities[ranks])
+        lost = world.diverged(rows) | harmful
+        success[ranks] = reached & ~lost
+        running[rows[reached | late | lost]] = -1

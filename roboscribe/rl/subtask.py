@@ -15,6 +15,30 @@ from roboscribe.world.protocols import Task
 
 
 @dataclass(frozen=True)
+class Invariant:
+    """φ of a circular node about one entity: true of those that the loop has served.
+
+    Args:
+        reached: φ.
+        variable: its free variable.
+        kind: type of the entities it ranges over.
+    """
+
+    reached: Predicate
+    variable: str
+    kind: str
+
+    def members(self, task: Task) -> IntArray:
+        """Return the entities (K,) that it ranges over."""
+        return np.array(task.layout.of_type(self.kind), np.int64)
+
+    def served(self, task: Task, states: FloatArray) -> BoolArray:
+        """Evaluate φ for every entity; states (R, F), returns (R, K)."""
+        binding = {self.variable: self.members(task)}
+        return holds(self.reached, states[:, None], binding, task.layout, task.solved)
+
+
+@dataclass(frozen=True)
 class Subtask:
     """An ordinary goal-reaching problem cut out of a program: one π_φ until φ.
 
@@ -26,6 +50,7 @@ class Subtask:
         confirm: consecutive steps for which φ must hold.
         maintain: the last skill of a program is to bring ψ_R about, so reaching φ does not end it; ψ_R does.
         scales: unit of each atom's margin, by the text of its left term.
+        invariant: what a loop around the skill brings about, one entity after the other; what stands must stay.
     """
 
     task: Task
@@ -35,6 +60,7 @@ class Subtask:
     confirm: int = 3
     maintain: bool = False
     scales: Mapping[str, float] = field(default_factory=dict)
+    invariant: Invariant | None = None
 
     @property
     def opaque(self) -> bool:
@@ -58,6 +84,22 @@ class Subtask:
     def achieved(self, states: FloatArray, entities: IntArray) -> BoolArray:
         """Evaluate what the skill is measured by: φ, or ψ_R for the last skill of a program; returns (R,)."""
         return self.task.solved(states) if self.maintain else self.holds(states, entities)
+
+    def standing(self, states: FloatArray, entities: IntArray) -> BoolArray:
+        """Tell which entities a loop has served and this skill is not to touch; (R, K), K of the loop's type."""
+        if self.invariant is None:
+            return np.zeros((len(states), 0), np.bool_)
+        others = self.invariant.members(self.task)
+        served = self.invariant.served(self.task, states)
+        standing: BoolArray = served & (entities[:, :, None] != others).all(axis=1)
+        return standing
+
+    def spared(self, states: FloatArray, standing: BoolArray) -> BoolArray:
+        """Tell whether everything that was `standing` (R, K) at the start still is; returns (R,)."""
+        if self.invariant is None:
+            return np.ones(len(states), np.bool_)
+        spared: BoolArray = (~standing | self.invariant.served(self.task, states)).all(axis=1)
+        return spared
 
     def shaped(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """Return R_φ and +1 while φ holds, (R,).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
@@ -19,6 +19,7 @@ from roboscribe.rl.sac import train_sac
 from roboscribe.rl.setting import Setting
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import Judge
+from roboscribe.rl.subtask import Subtask
 from roboscribe.rl.warm_start import clone_frames, clone_states
 from roboscribe.world.protocols import Task
 from roboscribe.world.trajectory import Trajectory
@@ -114,18 +115,23 @@ def train_program(
     """
     setting, rim = Setting(task, program, demonstrations, config, seed, solve), _Rim(log, checkpoints)
     skills, reports = dict(library), []
-    for run in setting.runs:
-        if run.controller not in skills:
-            skills[run.controller], report = _learn(setting, rim, run, skills)
-            reports.append(report)
-        elif setting.is_last(run):
-            skills[run.controller], report = _improve(setting, rim, run, skills)
-            reports.append(report)
+    for turn in _new(setting, library):
+        skills[turn.run.controller], report = _learn(setting, rim, turn, skills)
+        reports.append(report)
+    known = _known(setting, library)
+    rate, steps = _screen(setting, skills) if known else (0.0, 0)
+    if known and rate < config.worth_improving:
+        reports.append(SkillReport(known[-1].run.controller, "kept", 0, rate, rate, steps))
+        return TrainingResult(skills, tuple(reports))
+    for turn in known:
+        skills[turn.run.controller], report = _learn(setting, rim, turn, skills)
+        reports.append(replace(report, control_steps=report.control_steps + steps))
+        steps = 0
     return TrainingResult(skills, tuple(reports))
 
 
 def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Task) -> dict[str, int]:
-    """Return each controller's step limit: twice its longest segment in the demonstrations.
+    """Return each controller's step limit: twice what 95 % of its segments in the demonstrations take.
 
     Args:
         program: P.
@@ -140,34 +146,66 @@ def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Ta
     return Setting(task, program, demonstrations, TrainConfig(), 0, True).limits
 
 
-def _improve(setting: Setting, rim: _Rim, run: Run, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
-    """Improve the last skill for ψ_R where the program solves the task often enough for that to be worth while.
+@dataclass(frozen=True)
+class _Turn:
+    """One controller's turn to learn.
 
-    Otherwise a subgoal is missing, and the last skill, which acts on until ψ_R, is not to blame.
+    Args:
+        run: its statement.
+        title: under which its progress is kept.
+        reinforce: whether reinforcement learning may follow the warm start.
     """
+
+    run: Run
+    title: str
+    reinforce: bool = True
+
+
+def _new(setting: Setting, library: Mapping[str, Skill]) -> Iterator[_Turn]:
+    """List whose turn it is among controllers that the library lacks, in textual order.
+
+    A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
+    states of later iterations; then each is measured and reinforced on those.
+    """
+    for group in setting.groups:
+        runs = [run for run in group.runs if run.controller not in library]
+        for run in runs:
+            yield _Turn(run, setting.title(run), reinforce=not group.loop)
+        for run in runs if group.loop else ():
+            yield _Turn(run, f"{run.controller}.loop")
+
+
+def _known(setting: Setting, library: Mapping[str, Skill]) -> list[_Turn]:
+    """List the controllers of the library that a program that is to bring ψ_R about may improve, in textual order.
+
+    Where the program solves the task too rarely a subgoal is missing, and they are not to blame.
+    """
+    runs = {run.controller: run for run in setting.runs if run.controller in library}
+    return [_Turn(run, f"{name}.improved") for name, run in runs.items()] if setting.solve else []
+
+
+def _screen(setting: Setting, skills: Mapping[str, Skill]) -> tuple[float, int]:
+    """Return how often the program solves the task as things stand, and the control steps that it took to see."""
     config, seeds = setting.config, setting.draw("screening").integers(2**31, size=setting.config.screening)
     screened = execute(setting.program, skills, setting.task, seeds, limits=setting.limits, confirm=config.confirm)
-    rate, steps = float(screened.success.mean()), screened.control_steps
-    if rate < config.worth_improving:
-        return skills[run.controller], SkillReport(run.controller, "kept", 0, rate, rate, steps)
-    skill, report = _learn(setting, rim, run, skills)
-    return skill, replace(report, control_steps=report.control_steps + steps)
+    return float(screened.success.mean()), screened.control_steps
 
 
-def _learn(setting: Setting, rim: _Rim, run: Run, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
+def _learn(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
     """Learn one skill, or read it from its checkpoint."""
-    finished = rim.file(setting.title(run))
-    identity = {"controller": setting.title(run), "until": str(run.until), "seed": setting.seed}
+    finished = rim.file(turn.title)
+    identity = {"controller": turn.title, "until": str(turn.run.until), "seed": setting.seed}
     if finished is not None and finished.exists():
-        return _read(finished, identity, run.controller, setting.task)
-    skill, report = _train(setting, rim, run, skills)
+        return _read(finished, identity, turn.run.controller, setting.task)
+    skill, report = _train(setting, rim, turn, skills)
     if finished is not None:
         _write(finished, identity, skill, report)
     return skill, report
 
 
-def _train(setting: Setting, rim: _Rim, run: Run, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
+def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
     """Collect starts, warm-start, and improve by reinforcement learning where needed."""
+    run = turn.run
     held_out, pool, spent = setting.pools(run, skills)
     fresh = skills.get(run.controller) or setting.fresh_skill(run, pool)
     if not len(pool):
@@ -178,19 +216,32 @@ def _train(setting: Setting, rim: _Rim, run: Run, skills: Mapping[str, Skill]) -
     spent += judge.world.control_steps
     rim.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
-    if rate >= config.target:
+    if rate >= setting.target or not turn.reinforce:
         return warm, report
 
     def log(metrics: Mapping[str, float], step: int) -> None:
         rim.log(run.controller, metrics, spent + step)
 
-    budget = config.opaque_budget if judge.subtask.opaque else config.budget
-    task = LearnerTask(judge.subtask, pool, judge, config.target, budget)
-    learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{setting.title(run)}.progress"))
+    budget = (
+        config.opaque_budget
+        if judge.subtask.opaque
+        else config.budget
+        if rate >= config.promising
+        else config.hard_budget
+    )
+    task = LearnerTask(judge.subtask, pool, judge, setting.target, budget)
+    learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
         return warm, report
     return learned.skill, replace(report, learner=by, success=learned.success)
+
+
+def _budget(config: TrainConfig, subtask: Subtask, rate: float) -> int:
+    """Return the control steps that reinforcement may cost, given the success of the warm start."""
+    if subtask.opaque:
+        return config.opaque_budget
+    return config.budget if rate >= config.promising or config.profile == "paper" else config.hard_budget
 
 
 def _reinforce(
@@ -218,7 +269,7 @@ def _warm_start(
     if learner == "initial" and (cloned := _clone(setting, run, fresh, pool, judge)) is not None:
         return *cloned, "clone"
     rate = judge(known).rate
-    if learner == "kept" and rate < setting.config.target:
+    if learner == "kept" and rate < setting.target:
         cloned = _clone(setting, run, fresh, pool, judge)
         if cloned is not None and cloned[1] > rate:
             return *cloned, "clone"

@@ -30,6 +30,7 @@ class Frames:
         entities: (M, n) bound.
         actions: (M, A), NaN where unknown.
         snapshots: (M, S) simulator states; (M, 0) where not stored.
+        simulated: (M, n) what the simulator calls the bound entities.
     """
 
     states: FloatArray
@@ -37,6 +38,7 @@ class Frames:
     entities: IntArray
     actions: FloatArray
     snapshots: FloatArray
+    simulated: IntArray
 
     def __len__(self) -> int:
         """M."""
@@ -62,12 +64,14 @@ def frames_of(part: Segment, demonstration: Trajectory, beyond: int, actions: bo
     known = actions and demonstration.actions is not None
     done = demonstration.actions[part.start : stop] if known and demonstration.actions is not None else None
     stored = demonstration.snapshots
+    simulated = [demonstration.simulated(entity) for entity in part.entities]
     return Frames(
         demonstration.states[part.start : stop],
         demonstration.states[part.start + 1 : stop + 1],
         np.tile(np.array(part.entities, np.int64), (count, 1)),
         np.full((count, action_size), np.nan) if done is None else done,
         np.zeros((count, 0)) if stored is None else stored[part.start : stop],
+        np.tile(np.array(simulated, np.int64), (count, 1)),
     )
 
 
@@ -80,6 +84,7 @@ def joined(parts: Sequence[Frames]) -> Frames:
         np.concatenate([part.entities for part in parts]),
         np.concatenate([part.actions for part in parts]),
         np.concatenate([part.snapshots if stored else part.snapshots[:, :0] for part in parts]),
+        np.concatenate([part.simulated for part in parts]),
     )
 
 
@@ -140,5 +145,5 @@ def _first_tries(
     stored, settings = frames.snapshots.shape[1] > 0, config.inverse
     steps, tries = (1, settings.tries) if stored else (settings.steps_from_starts, 1)
     snapshots = np.repeat(frames.snapshots if stored else pool.snapshots, tries, axis=0)
-    entities = np.repeat(frames.entities if stored else pool.entities, tries, axis=0)
+    entities = np.repeat(frames.simulated if stored else pool.entities, tries, axis=0)
     return probe(world, snapshots, entities, random_actions(steps, len(snapshots), frames.actions.shape[1], rng))

@@ -112,17 +112,28 @@ def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
 def _atom(feature: Feature, pos: FloatArray, neg: FloatArray, frames: FloatArray, sign: float) -> _Atom | None:
     """Put the threshold at the extreme of the positives; sign 1 for "below", -1 for "above"."""
     pos, neg, frames = sign * pos, sign * neg, sign * frames
-    extreme = float(pos.max())
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    rejected = neg[neg > extreme]
-    gap = float(rejected.min()) - extreme if rejected.size else spread
-    slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
-    threshold = _rounded(extreme + min(slack, 0.5 * gap), extreme, neg)
+    threshold, gap = bound(pos, neg, spread)
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
     return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread)
+
+
+def bound(pos: FloatArray, neg: FloatArray, spread: float) -> tuple[float, float]:
+    """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
+
+    Args:
+        pos: (P,) values to lie below.
+        neg: (M,) values that had better not.
+        spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
+    """
+    extreme = float(pos.max())
+    rejected = neg[neg > extreme]
+    gap = float(rejected.min()) - extreme if rejected.size else spread
+    slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
+    return _rounded(extreme + min(slack, 0.5 * gap), extreme, neg), gap
 
 
 def _rounded(value: float, extreme: float, neg: FloatArray) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from roboscribe.world.layout import FloatArray, Layout
 
@@ -16,17 +16,24 @@ class Trajectory:
         states: (T + 1, F), SI units.
         actions: (T, A) in [-1, 1]; None for states-only demonstrations.
         snapshots: (T + 1, S) full simulator states as `World.save` gives them; None when not stored.
+        origin: what the simulator calls entity i is `origin[i]`; empty where the names agree.
     """
 
     layout: Layout
     states: FloatArray
     actions: FloatArray | None = None
     snapshots: FloatArray | None = None
+    origin: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         """T + 1, the count of states."""
         return len(self.states)
 
     def renamed(self, order: tuple[int, ...]) -> Trajectory:
-        """Return the same episode with entity `order[i]` called `i` (snapshots keep the simulator's indices)."""
-        return Trajectory(self.layout, self.layout.permute(self.states, order), self.actions, self.snapshots)
+        """Return the same episode with entity `order[i]` called `i`; snapshots keep the simulator's names."""
+        origin = tuple(self.simulated(entity) for entity in order)
+        return replace(self, states=self.layout.permute(self.states, order), origin=origin)
+
+    def simulated(self, entity: int) -> int:
+        """Return what the simulator calls an entity."""
+        return self.origin[entity] if self.origin else entity

@@ -137,7 +137,7 @@ def main() -> None:
     examples = loop_examples(evidence, AT.predicate)
     examples = examples[:: len(examples.entities) // EXAMPLES]
     start = process_time()
-    atoms = guard_atoms(examples, evidence, TREE, AT)
+    atoms = guard_atoms(examples, evidence, "b1", (AT.predicate,))
     tabulated = process_time()
     found = enumerate_conjunctions(atoms, examples.positive, TOLERANCE)
     asked = process_time()
