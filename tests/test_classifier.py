@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from roboscribe.classifier import Refinement, learn_classifier
-from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Predicate
+from roboscribe.dsl.rewrite import rename
+from roboscribe.dsl.semantics import evaluate, holds
+from roboscribe.dsl.syntax import Const, Less, Predicate
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
@@ -84,6 +87,23 @@ def test_placing_the_next_block_reuses_what_was_learned_about_the_first() -> Non
     assert answer.reused
     assert answer.node == AT1
     assert answer.table == ()
+
+
+def test_a_reused_threshold_is_widened_to_where_it_holds_for_the_others() -> None:
+    shown = evidence(TWO, steps=120)
+    failures = wandering(TWO)
+    place, goal = (TWO.layout.columns[0, "position", is_goal] for is_goal in (False, True))
+    failures[:, place] = failures[:, goal]
+    before = shown.states_before(Tree().node(ROOT).predicate)
+    assert isinstance(AT1.predicate, Less)
+    second = rename(AT1.predicate.left, {"b1": "b2"})
+    worst = np.sort(evaluate(second, before, {}, TWO.layout)[..., 0])[-2:]
+    tight = replace(AT1, predicate=replace(AT1.predicate, right=Const(float(worst.mean()))))
+    answer = learned(learn_classifier(failures, shown, chain(HOLD1, tight), ROOT))
+    assert answer.reused
+    assert answer.node.name == "at"
+    assert share(rename(answer.node.predicate, {"b1": "b2"}), before, shown) == 1.0
+    assert share(rename(answer.node.predicate, {"b1": "b2"}), failures, shown) < 0.05
 
 
 def test_nothing_is_reused_where_the_failures_handle_the_next_block_too() -> None:

@@ -162,8 +162,7 @@ class TrainConfig:
         target: evaluated success at which a skill of a program for ψ_R is good enough.
         subgoal_target: the same where the program is for a subgoal.
         budget: control steps that may be spent on one skill's reinforcement learning.
-        promising: success of a warm start from which on the whole budget may be spent.
-        hard_budget: the same for other skills, whose goals had better be refined.
+        first_budget: the same where nothing comes before the skill yet: a hard subgoal had better be refined.
         opaque_budget: the same for an attempt on ψ_R itself.
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
@@ -175,8 +174,7 @@ class TrainConfig:
     target: float = 0.995
     subgoal_target: float = 0.97
     budget: int = 250_000
-    promising: float = 0.25
-    hard_budget: int = 60_000
+    first_budget: int = 60_000
     opaque_budget: int = 10_000
     confirm: int = 3
     screening: int = 32

@@ -19,7 +19,6 @@ from roboscribe.rl.sac import train_sac
 from roboscribe.rl.setting import Setting
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import Judge
-from roboscribe.rl.subtask import Subtask
 from roboscribe.rl.warm_start import clone_frames, clone_states
 from roboscribe.world.protocols import Task
 from roboscribe.world.trajectory import Trajectory
@@ -222,13 +221,7 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     def log(metrics: Mapping[str, float], step: int) -> None:
         rim.log(run.controller, metrics, spent + step)
 
-    budget = (
-        config.opaque_budget
-        if judge.subtask.opaque
-        else config.budget
-        if rate >= config.promising
-        else config.hard_budget
-    )
+    budget = _budget(setting, run)
     task = LearnerTask(judge.subtask, pool, judge, setting.target, budget)
     learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
@@ -237,11 +230,13 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     return learned.skill, replace(report, learner=by, success=learned.success)
 
 
-def _budget(config: TrainConfig, subtask: Subtask, rate: float) -> int:
-    """Return the control steps that reinforcement may cost, given the success of the warm start."""
-    if subtask.opaque:
+def _budget(setting: Setting, run: Run) -> int:
+    """Return the control steps that reinforcement may cost: few where a subgoal may still be found before `run`."""
+    config = setting.config
+    if isinstance(run.until, Solved):
         return config.opaque_budget
-    return config.budget if rate >= config.promising or config.profile == "paper" else config.hard_budget
+    first = run is setting.runs[0] and not setting.solve
+    return config.first_budget if first and config.profile != "paper" else config.budget
 
 
 def _reinforce(

@@ -18,6 +18,8 @@ from stages.progress import Progress
 from stages.world import TaskConfig
 
 TASK = TaskConfig("point-pick-place-1")
+Command = Callable[..., int]
+"""Runs `roboscribe` with some arguments; returns its exit code."""
 
 
 def scripted(seed: int = 0, task: str = TASK.name, **more: object) -> Plan:

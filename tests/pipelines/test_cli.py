@@ -4,34 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from pipelines import cli
 from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.world.trajectory import Trajectory
-from tests.pipelines.runs import contents, run, scripted
+from tests.pipelines.runs import Command, contents, run, scripted
 
 TASK = "point-pick-place-1"
-Command = Callable[..., int]
-
-
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
-    """Run a command in an empty home without tracking; returns its exit code."""
-    monkeypatch.setenv("ROBOSCRIBE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("stages.tracking.Tracker.start", lambda tracker: None)
-
-    def call(*arguments: object) -> int:
-        monkeypatch.setattr("sys.argv", ["roboscribe", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return int(ended.value.code or 0)
-
-    return call
 
 
 @pytest.fixture(scope="module")

@@ -24,18 +24,37 @@ def test_a_controller_sees_its_arguments_and_nothing_else() -> None:
     assert goal.pairs == ((0, 1), (0, 2), (1, 2))
 
 
-def test_raw_values_are_attributes_then_differences() -> None:
+def test_in_a_loop_goals_are_seen_too() -> None:
+    spec = observation_spec(HOLD, {"b": "block"}, layout(2), goals=True)
+    assert spec.parts == (Part(ROBOT, "position"), Part(0, "position"), Part(0, "position", goal=True))
+    assert observation_spec(AT, {"b": "block"}, layout(2), goals=True) == observation_spec(
+        AT, {"b": "block"}, layout(2)
+    ), "a goal among the arguments is not seen twice"
+
+
+def test_positions_are_seen_as_differences() -> None:
     encoder = Encoder(observation_spec(AT, {"b": "block"}, layout(2)), layout(2))
     raw = encoder.raw(STATE, np.array([[0]]))
-    np.testing.assert_allclose(
-        raw, [[0.1, 0.2, 0.4, 0.8, 0.41, 0.0, 0.1 - 0.4, 0.2 - 0.8, 0.1 - 0.41, 0.2, 0.4 - 0.41, 0.8]]
-    )
+    np.testing.assert_allclose(raw, [[0.1 - 0.4, 0.2 - 0.8, 0.1 - 0.41, 0.2, 0.4 - 0.41, 0.8]])
+
+
+def test_what_has_no_counterpart_is_seen_itself() -> None:
+    spec = ObservationSpec(("block",), (Part(ROBOT, "position"), Part(0, "position"), Part(0, "position", True)), ())
+    assert spec.alone == (0, 1, 2)
+    raw = Encoder(spec, layout(2)).raw(STATE, np.array([[1]]))
+    np.testing.assert_allclose(raw, [[0.1, 0.2, 5.0, 6.0, 7.0, 8.0]])
+
+
+def test_moving_everything_alike_changes_nothing() -> None:
+    spec = observation_spec(AT, {"b": "block"}, layout(2)).fitted(layout(2), STATE, np.array([[0]]))
+    encoder = Encoder(spec, layout(2))
+    np.testing.assert_allclose(encoder(STATE + 0.3, np.array([[0]])), encoder(STATE, np.array([[0]])), atol=1e-5)
 
 
 def test_each_row_sees_the_entity_bound_there() -> None:
     encoder = Encoder(observation_spec(HOLD, {"b": "block"}, layout(2)), layout(2))
     raw = encoder.raw(np.repeat(STATE, 2, axis=0), np.array([[1], [0]]))
-    np.testing.assert_allclose(raw[:, 2:4], [[5.0, 6.0], [0.4, 0.8]])
+    np.testing.assert_allclose(raw, [[0.1 - 5.0, 0.2 - 6.0], [0.1 - 0.4, 0.2 - 0.8]])
 
 
 def test_fine_copies_magnify_and_clip_differences() -> None:
@@ -43,14 +62,14 @@ def test_fine_copies_magnify_and_clip_differences() -> None:
     known = np.array([[0, 0, 0.0, 0, 0, 0], [0, 0, 1.0, 1, 1, 1.0]])
     fitted = spec.fitted(layout(1), known, np.zeros((2, 1), np.int64))
     inputs = Encoder(fitted, layout(1))(np.array([[0, 0, 0.5, 0.5, 0.51, 0.5 - 1.0]]), np.zeros((1, 1), np.int64))
-    np.testing.assert_allclose(inputs[0, 6:], [-0.2, FINE_CLIP, -1.0, FINE_CLIP], rtol=1e-5)
+    np.testing.assert_allclose(inputs[0, 2:], [-0.2, FINE_CLIP, -1.0, FINE_CLIP], rtol=1e-5)
 
 
 def test_fitted_features_have_mean_zero_and_spread_one() -> None:
     rng = np.random.default_rng(0)
     states, entities = rng.normal(3, 2, (500, 10)), rng.integers(2, size=(500, 1))
     spec = observation_spec(HOLD, {"b": "block"}, layout(2)).fitted(layout(2), states, entities)
-    inputs = Encoder(spec, layout(2))(states, entities)[:, :6]
+    inputs = Encoder(spec, layout(2))(states, entities)[:, :2]
     np.testing.assert_allclose(inputs.mean(axis=0), 0, atol=1e-5)
     np.testing.assert_allclose(inputs.std(axis=0), 1, atol=1e-3)
 
@@ -83,7 +102,7 @@ def test_size_counts_what_the_network_is_given() -> None:
     spec = observation_spec(AT, {"b": "block"}, layout(1)).fitted(layout(1), np.zeros((3, 6)), np.zeros((3, 1), int))
     encoder = Encoder(spec, layout(1))
     assert encoder(np.zeros((3, 6)), np.zeros((3, 1), int)).shape == (3, encoder.size)
-    assert encoder.size == 3 * 2 + 3 * 2 * (1 + len(spec.fine))
+    assert encoder.size == 3 * 2 * (1 + len(spec.fine))
 
 
 def test_json_round_trip() -> None:

@@ -65,9 +65,16 @@ def test_every_control_step_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_known_skills_are_left_alone(trained: TrainingResult) -> None:
     held = {"hold": trained.library["hold"]}
-    result = train_program(TASK, PROGRAM, SHOWN, held, QUICK, 0)
+    result = train_program(TASK, PROGRAM, SHOWN, held, QUICK, 0, solve=False)
     assert result.library["hold"] is held["hold"]
     assert [report.controller for report in result.reports] == ["at"]
+
+
+def test_a_program_that_solves_the_task_may_improve_what_is_known(trained: TrainingResult) -> None:
+    demanding = replace(QUICK, target=2.0, budget=1)
+    result = train_program(TASK, PROGRAM, SHOWN, trained.library, demanding, 0)
+    assert [report.controller for report in result.reports] == ["hold", "at"]
+    assert all(report.success >= report.warm_success for report in result.reports)
 
 
 def test_the_last_skill_is_kept_when_the_program_does_not_solve_the_task(trained: TrainingResult) -> None:

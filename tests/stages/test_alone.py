@@ -13,7 +13,7 @@ from stages.store import Stage
 
 NAMES = (
     "collect", "ingest", "generate", "train", "roll_out", "classify", "update_tree", "validate", "evaluate",
-    "package", "film",
+    "package", "film", "transfer",
 )  # fmt: skip
 
 
