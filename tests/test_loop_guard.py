@@ -8,10 +8,10 @@ import numpy as np
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Not, Predicate
+from roboscribe.dsl.syntax import Not, Predicate, Truth
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
-from roboscribe.loop_guard import loop_examples, order_condition, predicate_synthesis
+from roboscribe.loop_guard import entity_choice, loop_examples, order_condition, predicate_synthesis
 from tests.handmade import AT, HOLD, bottom_up, chain, evidence, node, state, top_down
 
 TASK = PointTask("toy", ("block",) * 3)
@@ -94,3 +94,15 @@ def test_an_order_drawn_by_lot_has_no_condition() -> None:
     shown = evidence(task, lambda goals: [int(i) for i in rng.permutation(2)])
     answer = order_condition(shown, node("at", AT, "p1"), node("at2", AT, "c1"))
     assert answer == Fail("no comparison of coordinates explains why at sometimes comes before at2")
+
+
+def test_the_first_block_of_a_tower_is_the_one_with_the_lowest_goal() -> None:
+    choice = entity_choice(evidence(TASK), "b1")
+    assert agree(choice, parse_predicate("¬∃o:block. g(o)↓z < g(b1)↓z"))
+
+
+def test_any_entity_will_do_where_the_demonstrations_prefer_none() -> None:
+    rng = np.random.default_rng(1)
+    shown = evidence(TASK, lambda goals: [int(i) for i in rng.permutation(len(goals))])
+    assert entity_choice(shown, "b1") == Truth()
+    assert entity_choice(evidence(PointTask("toy", ("block",)), episodes=20), "b1") == Truth()

@@ -95,7 +95,7 @@ class PpoConfig:
     clip: float = 0.15
     gamma: float = 0.97
     lam: float = 0.95
-    noise: float = 0.2
+    noise: float = 0.1
     critic_iterations: int = 5
     evaluate_every: int = 4
     patience: int = 8

@@ -19,9 +19,11 @@ __all__ = ["Anchor", "Candidate", "Samples", "rank_predicates"]
 
 NO_WORSE = 0.1
 """How many more negatives a specific projection of a difference may accept than a coarser one."""
-SLACK = 0.25
+SLACK = 0.5
 """How far a threshold lies beyond the positives, in ranges of the positives: a sample's extreme is not the
-population's, and a predicate must also fit the entities and episodes to come. At most half-way to a negative."""
+population's, and a predicate must also fit the entities and episodes to come."""
+FEW = 0.02
+"""Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
 LEAST_SLACK = 0.001
 """The same in spreads, where all positives are alike."""
 DIGITS = (3, 4, 5, 6)
@@ -133,7 +135,8 @@ def bound(pos: FloatArray, neg: FloatArray, spread: float) -> tuple[float, float
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
     slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
-    return _rounded(extreme + min(slack, 0.5 * gap), extreme, neg), gap
+    few = np.mean((neg > extreme) & (neg < extreme + slack)) <= FEW if neg.size else True
+    return _rounded(extreme + (slack if few else min(slack, 0.5 * gap)), extreme, neg), gap
 
 
 def _rounded(value: float, extreme: float, neg: FloatArray) -> float:

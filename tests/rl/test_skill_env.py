@@ -8,7 +8,7 @@ from roboscribe.dsl.syntax import Solved
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import SkillEnv, evaluate_skill
 from roboscribe.rl.starts import Prefix, collect_starts
-from roboscribe.rl.subtask import Subtask
+from roboscribe.rl.subtask import Invariant, Subtask
 
 TASK = Carry()
 GAMMA = 0.9
@@ -90,6 +90,42 @@ def test_the_opaque_goal_pays_one_when_solved() -> None:
     outcome = made.step(np.array([[1.0, 0.0]]))
     assert outcome.succeeded[0]
     assert outcome.reward[0] > 1
+
+
+class _Two(Carry):
+    """Two blocks; the second has been served."""
+
+    def __init__(self) -> None:
+        super().__init__(blocks=2)
+
+
+SERVED = np.array([[0.0, 0.0, 0.2, 0.0, 0.3, 0.3, 0.03, 0.0, 0.0, 0.0]])
+"""The hand is around the second block, which is at its goal; the first is asked for."""
+
+
+def guarded() -> Subtask:
+    return Subtask(_Two(), HOLD, ("b",), 20, invariant=Invariant(AT, "b", "block"))
+
+
+def test_what_the_loop_has_achieved_must_stay() -> None:
+    subtask = guarded()
+    none = np.zeros((1, 1), np.int64)
+    np.testing.assert_array_equal(subtask.standing(SERVED, none), [[False, True]])
+    np.testing.assert_array_equal(subtask.standing(SERVED, none + 1), [[False, False]], "its own entity may move")
+    made = SkillEnv(subtask, pool(SERVED), 1, GAMMA, np.random.default_rng(0))
+    made.restart()
+    outcomes = [made.step(np.array([[1.0, 0.0]])) for _ in range(3)]
+    assert [bool(each.terminated[0]) for each in outcomes] == [False, False, True], "dragged along, confirmed"
+    assert not outcomes[-1].succeeded[0]
+    assert outcomes[-1].reward[0] < -0.9
+
+
+def test_doing_no_harm_is_not_punished() -> None:
+    away = SERVED.copy()
+    away[0, :2] = (0.1, 0.1)
+    made = SkillEnv(guarded(), pool(away), 1, GAMMA, np.random.default_rng(0))
+    made.restart()
+    assert not any(made.step(STILL).terminated[0] for _ in range(5))
 
 
 def test_rows_that_end_start_again_from_the_pool() -> None:

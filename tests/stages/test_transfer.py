@@ -6,13 +6,10 @@ import io
 import math
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
 
-from roboscribe.dsl.parser import parse_program
-from roboscribe.envs.point_world import POINT_TASKS, Lookahead
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, save_program
 from stages import transfer
@@ -20,7 +17,17 @@ from stages.evaluate import wilson
 from stages.files import OUTCOME, read_json
 from stages.paper_values import TASKS, paper_success
 from stages.store import Store
-from stages.transfer_report import CSV, MARKDOWN, PICTURE, Measurement, cell_means, draw, report_files, summarise, tabulate
+from stages.transfer_report import (
+    CSV,
+    MARKDOWN,
+    PICTURE,
+    Measurement,
+    cell_means,
+    draw,
+    report_files,
+    summarise,
+    tabulate,
+)
 from stages.world import TaskConfig
 
 ABOUT = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
@@ -29,11 +36,8 @@ ABOUT = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
 def test_the_paper_s_figures() -> None:
     """Those that its text repeats, the ends of each row, and nothing beyond."""
     assert (paper_success(4, "tower-5"), paper_success(4, "tower-6")) == (0.55, 0.15)
-    assert (paper_success(5, "tower-7"), paper_success(5, "pyramid-9"), paper_success(4, "multitower-4")) == (
-        0.13,
-        0.34,
-        0.88,
-    )
+    assert (paper_success(5, "tower-7"), paper_success(5, "pyramid-9")) == (0.13, 0.34)
+    assert (paper_success(4, "tower-7"), paper_success(4, "multitower-4")) == (0.0, 0.88)
     for trained, task in ((4, "tower-8"), (4, "tower-3"), (6, "tower-5"), (4, "pick-place-4"), (5, "tower-2")):
         assert paper_success(trained, task) is None
     assert len(TASKS) == 16
@@ -45,7 +49,7 @@ def test_the_paper_s_figures() -> None:
 
 def test_an_idle_program_builds_no_tower(tmp_path: Path) -> None:
     """It runs in the physics of a tower, for as long as the task gives it, and is found in the store again."""
-    save_program(tmp_path / "idle", SavedProgram("def P(μ : EE):\n  True\n", {}, {}, {}, ABOUT))
+    save_program(tmp_path / "idle", SavedProgram("def P(μ : EE):\n  skip\n", {}, {}, {}, ABOUT))
     config = transfer.Config(TaskConfig("tower-2"), seed=1, episodes=2)
     store, told = Store(tmp_path / "store"), []
     out = store.run(transfer.STAGE, config, transfer.inputs_of(tmp_path / "idle"), told.append)
@@ -59,7 +63,7 @@ def test_an_idle_program_builds_no_tower(tmp_path: Path) -> None:
 
 def test_files_of_two_programs_do_not_mix(tmp_path: Path) -> None:
     for name, tree in (("one", {}), ("two", {"nodes": []})):
-        save_program(tmp_path / name, SavedProgram("def P(μ : EE):\n  True\n", tree, {}, {}, ABOUT))
+        save_program(tmp_path / name, SavedProgram("def P(μ : EE):\n  skip\n", tree, {}, {}, ABOUT))
     inputs = {**transfer.inputs_of(tmp_path / "one"), "tree": tmp_path / "two" / "tree.json"}
     with pytest.raises(ArtifactError, match=r"tree\.json: was changed"):
         transfer.run(transfer.Config(TaskConfig("tower-2"), episodes=1), inputs, tmp_path)
@@ -120,13 +124,5 @@ def test_the_picture_shows_the_figures(table: pd.DataFrame) -> None:
     picture = report_files(table)[PICTURE]
     assert Image.open(io.BytesIO(picture)).format == "PNG"
     assert draw(table) == picture
-    assert draw(table.assign(success=table["success"] * 0.5)) != picture
+    assert draw(table.assign(success=table["success"] * 0.5, ci_low=0.0)) != picture
     assert draw(table.assign(paper=table["paper"] * 0.5)) != picture
-
-
-def test_a_program_that_works_elsewhere(tmp_path: Path) -> None:
-    """A point task's own scripted controllers, saved under another task's name."""
-    task = POINT_TASKS["point-pick-place-1"]
-    assert np.isfinite(task.horizon)
-    assert Lookahead is not None
-    assert parse_program("def P(μ : EE):\n  True\n")
