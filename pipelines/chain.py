@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -92,7 +93,8 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
     evaluated = call("evaluate program", evaluate.STAGE, config, running)
     figures = read_json(evaluated / OUTCOME)
     tell(Evaluated(figures, evaluated / EPISODES))
-    about = package.Config(plan.task, profile, plan.seed, plan.training.confirm, report["digest"])
+    confirm, made_by = plan.training.confirm, command(plan, profile)
+    about = package.Config(plan.task, profile, plan.seed, confirm, report["digest"], made_by)
     inputs = {**running, "tree": staged.tree(solution.tree), "outcome": evaluated / OUTCOME}
     directory = call("package program", package.STAGE, about, inputs) / package.DIRECTORY
     tell(Packaged(solution.program, solution.tree, directory))
@@ -101,6 +103,27 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
         filmed = call("film program", film.STAGE, scene, running)
         tell(Filmed(next(filmed.glob("rollout.*"))))
     return Synthesized(solution, profile, figures, directory)
+
+
+def command(plan: Plan, profile: str) -> str:
+    """Spell the command line that makes a plan's program, as far as options can say what is planned.
+
+    Args:
+        plan: what is asked for.
+        profile: what is learned from in the end.
+    """
+    task, usual = plan.task, Plan(TaskConfig(plan.task.name))
+    options = (
+        ("--demos", plan.demonstrations, usual.demonstrations),
+        ("--episodes", plan.episodes, usual.episodes),
+        ("--budget", plan.training.budget, usual.training.budget),
+        ("--contact", task.contact, usual.task.contact),
+        ("--timing", task.timing, usual.task.timing),
+    )
+    words = ["roboscribe", "synthesize", task.name, "--seed", str(plan.seed), "--profile", profile]
+    for option, value, default in options:
+        words += [option, str(value)] if value != default else []
+    return shlex.join(words)
 
 
 def program_name(task: str) -> str:

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 from rich.console import Console
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from roboscribe.world.layout import ObjectType
     from stages.progress import Report
 
+T = TypeVar("T")
+
 SOLVED, BAD_INPUT, FAIL, INTERRUPTED = 0, 2, 3, 130
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""
@@ -34,6 +36,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
+app.add_typer(paper, name="paper")
 console = Console(highlight=False)
 
 
@@ -54,8 +58,9 @@ class Engine(StrEnum):
 
 
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
-TaskOption = Annotated[str, typer.Option("--task", help="a name that `roboscribe tasks` lists")]
-ProgramName = Annotated[str, typer.Argument(help="a program's directory, or an MLflow run id", metavar="PROGRAM")]
+TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
+PROGRAM_HELP = "a program's directory, an MLflow run id, or a name that `roboscribe programs` lists"
+ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
 Timing = Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")]
@@ -145,7 +150,7 @@ def synthesize(
 @app.command()
 def evaluate(
     program: ProgramName,
-    task: TaskOption,
+    task: TaskOption = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = 500,
     seed: Seed = 0,
     json: JsonFile = None,
@@ -157,13 +162,11 @@ def evaluate(
     from pipelines.home import Home
     from pipelines.programs import evaluation, open_program, program_directory
     from stages.evaluate import Config
-    from stages.world import TaskConfig
 
-    config = Config(TaskConfig(task, contact, timing), seed, episodes)
-    made = config.task.make()
     with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
-        result = evaluation(open_program(directory, made), config, report)
-    _say(_rate(result))
+        opened, where = open_program(directory, task, contact, timing)
+        result = evaluation(opened, Config(where, seed, episodes), report)
+    _say(f"{where.name}: {_rate(result)}")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     _write(json, result)
 
@@ -171,8 +174,8 @@ def evaluate(
 @app.command()
 def render(
     program: ProgramName,
-    task: TaskOption,
     out: Annotated[Path, typer.Option("--out", help="video to write")],
+    task: TaskOption = None,
     seed: Seed = 0,
     contact: Contact = "stable",
     timing: Timing = "fast",
@@ -182,13 +185,63 @@ def render(
     from pipelines.home import Home
     from pipelines.programs import open_program, program_directory
     from stages.film import film
-    from stages.world import TaskConfig
 
-    made = TaskConfig(task, contact, timing).make()
     _make_room(out)
     with program_directory(program, Home(home).mlruns) as directory, console.status("rendering"):
-        path, solved = film(open_program(directory, made), made, seed, out)
+        opened, where = open_program(directory, task, contact, timing)
+        path, solved = film(opened, where.make(), seed, out)
     _say(f"{path}: the task is {'solved' if solved else 'not solved'}")
+
+
+@app.command()
+def programs() -> None:
+    """List the shipped programs; success as measured when they were made, with its 95 % Wilson interval."""
+    from rich.table import Table
+
+    from pipelines.programs import shipped_programs, spell_success
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title in ("program", "task", "seed", "profile", "success", "size"):
+        table.add_column(title)
+    for shipped in shipped_programs():
+        made = [Text(str(shipped.manifest[entry])) for entry in ("task", "seed", "profile")]
+        success, size = spell_success(shipped.manifest["figures"]), f"{shipped.size / 1000:.0f} kB"
+        table.add_row(Text(shipped.name), *made, success, size)
+    console.print(table)
+
+
+@paper.command()
+def towers(
+    seeds: Annotated[int, typer.Option(min=1, help="programs per tower that are synthesized")] = 3,
+    trained: Annotated[
+        list[int] | None, typer.Option(help="blocks of a tower to synthesize for; repeatable; left out: 4 and 5")
+    ] = None,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes of each measurement")] = 500,
+    contact: Annotated[
+        list[str] | None, typer.Option(help="contact model to measure under; repeatable; left out: stable and paper")
+    ] = None,
+    engine: Annotated[Engine, typer.Option(help="what runs syntheses and measurements")] = Engine.prefect,
+    program: Annotated[
+        list[str] | None, typer.Option(help=f"measure this program, synthesize none: {PROGRAM_HELP}; repeatable")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="directory for the report")] = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Measure how programs for one tower build others (Sec. 5.2); the same command goes on where it was interrupted."""
+    from pipelines.home import Home
+    from pipelines.paper_towers import Experiment, TowersSession
+
+    usual = Experiment()
+    sizes, contacts = _several(trained, usual.trained), _several(contact, usual.contacts)
+    experiment = Experiment(sizes, seeds, episodes, contacts, _several(program, ()))
+    _make_room(*([] if out is None else [out / "report"]))
+    session = TowersSession(experiment, Home(home), "local" if engine is Engine.local else "prefect", out)
+    report = session.run(console)
+    _say(report.summary)
+    for failure in report.failures:
+        _say(f"FAIL: {failure}")
+    if report.failures:
+        raise typer.Exit(FAIL)
 
 
 @app.command()
@@ -253,6 +306,11 @@ def _make_room(*files: Path) -> None:
         except OSError as error:
             msg = f"{file}: its directory cannot be made ({error.strerror})"
             raise ArtifactError(msg) from error
+
+
+def _several(given: Sequence[T] | None, usual: tuple[T, ...]) -> tuple[T, ...]:
+    """Return what was given, each value once, or else what is usual."""
+    return tuple(dict.fromkeys(given or usual))
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -10,11 +11,12 @@ from typing import Literal, TypeAlias
 
 from pipelines.audience import Audience
 from pipelines.chain import Plan, Synthesized, chain, program_name
+from pipelines.checkout import checkout_commit
 from pipelines.home import Home
 from pipelines.prefect_settings import quiet_prefect
-from roboscribe.errors import DemonstrationError, Fail
-from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
-from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE
+from roboscribe.errors import ArtifactError, DemonstrationError, Fail
+from roboscribe.io.atomic import Json, canonical_json, sha256_of
+from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
 from stages.code_version import code_version
 from stages.events import Event, RolledOut, Trained
 from stages.progress import Progress
@@ -69,7 +71,7 @@ class Session:
         Returns:
             What `roboscribe synthesize --json` writes, or why there is no program.
         """
-        start = perf_counter()
+        start, commit = perf_counter(), checkout_commit()  # before the work: the checkout may move on meanwhile
         directory = self.home.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
@@ -79,7 +81,7 @@ class Session:
             tally = Tally()
             try:
                 found = self._synthesize(audience, tracker, tally)
-                result = found if isinstance(found, Fail) else self._result(found, tally)
+                result = found if isinstance(found, Fail) else self._result(found, tally, commit)
             except BaseException as error:
                 tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
                 tracker.close(timeout=30.0)
@@ -131,12 +133,12 @@ class Session:
 
         return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell)
 
-    def _result(self, found: Synthesized, tally: Tally) -> dict[str, Json]:
+    def _result(self, found: Synthesized, tally: Tally, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""
         plan, figures = self.plan, found.figures
         name = f"{program_name(plan.task.name)}-{found.profile}-seed{plan.seed}"
         out = self.out or self.home.data / "programs" / name
-        publish(found.directory, out)
+        publish(found.directory, out, {"env_steps": tally.env_steps}, commit)
         return {
             "task": plan.task.name,
             "seed": plan.seed,
@@ -167,7 +169,29 @@ class Session:
         }
 
 
-def publish(packaged: Path, out: Path) -> None:
-    """Copy a saved program out of the store, its manifest last."""
-    out.mkdir(parents=True, exist_ok=True)
-    write_files({out / name: (packaged / name).read_bytes() for name in (PROGRAM, TREE, CONTROLLERS, MANIFEST)})
+def publish(packaged: Path, out: Path, about: Mapping[str, Json], commit: str) -> None:
+    """Save a program of the store elsewhere and complete its manifest; one that is there already stays as it is.
+
+    The commit is not part of the packaging stage, whose outputs would otherwise change with every commit. It is the
+    one under which the program was first published, so that finding the same program again changes no file either.
+
+    Args:
+        packaged: the program's directory in the store.
+        out: where it goes.
+        about: further entries of the manifest.
+        commit: of the checkout; "" where there is none.
+    """
+    saved = load_program(packaged)
+    manifest = {**saved.manifest, **about}
+    if not _published(packaged, out, manifest):
+        save_program(out, replace(saved, manifest={**manifest, "commit": commit}))
+
+
+def _published(packaged: Path, out: Path, manifest: Mapping[str, Json]) -> bool:
+    """Whether a program lies somewhere already, whatever commit its manifest names."""
+    try:
+        found = load_program(out).manifest
+    except ArtifactError:
+        return False
+    same = all((out / name).read_bytes() == (packaged / name).read_bytes() for name in (PROGRAM, TREE, CONTROLLERS))
+    return same and {key: value for key, value in found.items() if key != "commit"} == manifest

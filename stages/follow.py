@@ -17,7 +17,7 @@ from pathlib import Path
 
 import psutil  # type: ignore[import-untyped]  # it has no types of its own
 
-from stages.mlflow_store import Copier, open_copier, store_identity
+from stages.mlflow_store import Copier, open_copier, store_identity, unreachable
 
 PERIOD = 3.0
 """Seconds between looks at the journal."""
@@ -68,7 +68,7 @@ def follow(directory: Path, mlruns: Path) -> int:
             if last:
                 copier.mark_killed()
                 return 0
-        except _unreachable() as error:
+        except unreachable() as error:
             log.warning("the tracking store cannot be reached: %s", str(error).splitlines()[0])
             if ended_at is not None and time.monotonic() - ended_at > PATIENCE:
                 return 1
@@ -78,14 +78,6 @@ def follow(directory: Path, mlruns: Path) -> int:
             family.end()
         elif last:
             time.sleep(1.0)
-
-
-def _unreachable() -> tuple[type[Exception], ...]:
-    """Name what a store raises that is locked, damaged or gone."""
-    from mlflow.exceptions import MlflowException
-    from sqlalchemy.exc import SQLAlchemyError
-
-    return (MlflowException, SQLAlchemyError, OSError)
 
 
 def _ended(seconds: float) -> bool:

@@ -235,6 +235,14 @@ class Copier:
         return next(str(record["value"]) for record in opening if record["key"] == key)
 
 
+def unreachable() -> tuple[type[Exception], ...]:
+    """Name what a store raises that is locked, damaged or gone."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    return (MlflowException, SQLAlchemyError, OSError)
+
+
 def synchronise(runs: Path, mlruns: Path) -> None:
     """Bring the store up to date with every run that is not at work now."""
     ensure_store(mlruns)

@@ -30,6 +30,7 @@ class Config:
         seed: that decided it.
         confirm: consecutive steps for which a subgoal must hold to count as reached.
         demonstrations: SHA-256 of the demonstrations.
+        command: command line that makes it.
     """
 
     task: TaskConfig
@@ -37,6 +38,7 @@ class Config:
     seed: int
     confirm: int = 3
     demonstrations: str = ""
+    command: str = ""
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
@@ -60,6 +62,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         "confirm": config.confirm,
         "limits": read_json(inputs["limits"]),
         "demonstrations": config.demonstrations,
+        "command": config.command,
         "figures": read_json(inputs["outcome"]),
     }
     tree = tree_to_json(read_tree(inputs["tree"]))

@@ -19,7 +19,7 @@ __all__ = ["Anchor", "Candidate", "Samples", "rank_predicates"]
 
 NO_WORSE = 0.1
 """How many more negatives a specific projection of a difference may accept than a coarser one."""
-SLACK = 0.5
+SLACK = 0.25
 """How far a threshold lies beyond the positives, in ranges of the positives: a sample's extreme is not the
 population's, and a predicate must also fit the entities and episodes to come."""
 FEW = 0.02
