@@ -1,0 +1,63 @@
+"""Measure a saved program, without any training, in a task that may be another than the one it was made for."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
+from stages import alone
+from stages.evaluate import measure
+from stages.files import EPISODES, OUTCOME, write_json
+from stages.grounded import grounded
+from stages.progress import Report, silent
+from stages.store import Inputs, Stage
+from stages.world import TaskConfig
+
+FILES = {"program": PROGRAM, "tree": TREE, "controllers": CONTROLLERS, "manifest": MANIFEST}
+"""Names of a saved program's files by the names of the inputs."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which evaluation.
+
+    Args:
+        task: where.
+        seed: decides the episodes.
+        episodes: how many.
+    """
+
+    task: TaskConfig
+    seed: int = 0
+    episodes: int = 500
+
+
+def inputs_of(directory: Path) -> dict[str, Path]:
+    """Return a saved program's files as the stage takes them."""
+    return {name: directory / file for name, file in FILES.items()}
+
+
+def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+    """Write `outcome.json` and `episodes.json`.
+
+    Inputs:
+        program, tree, controllers, manifest: the files of a saved program.
+    """
+    task = config.task.make()
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, file in FILES.items():  # a program is loaded from one directory, wherever its files lie here
+            shutil.copyfile(inputs[name], Path(scratch) / file)
+        program = grounded(load_program(Path(scratch)), task, str(inputs["controllers"]))
+    figures, table = measure(program, task, config.seed, config.episodes, report)
+    write_json(out / EPISODES, table)
+    write_json(out / OUTCOME, figures)
+
+
+STAGE = Stage("transfer", Config, run)
+
+if __name__ == "__main__":
+    sys.exit(alone.main(STAGE))
