@@ -16,7 +16,7 @@ from roboscribe.dsl.syntax import Predicate
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 
-LEVELS = (0.03, 0.1)
+LEVELS = (0.1,)
 """Shares of accepted negatives that count as nearly equally good."""
 TOLERANCE = 0.2
 """Share of accepted negatives up to which it separates: episodes that begin with it fail for another reason."""
