@@ -83,6 +83,8 @@ class Story(Bar):
         head = f"refinement {self._refinements}: {node.name} ≡ {text(node.predicate)}, a subgoal of {refinement.psi}"
         self.say(head, "bold cyan")
         self.say(f"  because {why(refinement)}")
+        for moved in refinement.moved:
+            self.say(f"  {moved.name} ≡ {text(moved.predicate)} from here on, to fit the other entities")
         if len(refinement.table) > 1:
             self.console.print(ranked_table(refinement.table))
 

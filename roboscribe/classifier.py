@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,6 +38,7 @@ class Refinement:
         table: every separating predicate considered, best first (empty when reused).
         positives: count of P_s.
         negatives: count of N_s.
+        moved: when φ is reused, further nodes about its entity, with thresholds that fit the other entities, too.
     """
 
     psi: str
@@ -46,6 +47,7 @@ class Refinement:
     table: tuple[Candidate, ...]
     positives: int
     negatives: int
+    moved: tuple[Node, ...] = ()
 
 
 def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Refinement | Fail:
@@ -71,7 +73,8 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     negatives = negatives[:: len(negatives) // MOST_NEGATIVES + 1]
     reused = _recurring(positives, negatives, evidence, tree, psi)
     if reused is not None:
-        return Refinement(psi, reused, True, (), len(positives), len(negatives))
+        moved = _moved(evidence, tree, reused)
+        return Refinement(psi, reused, True, (), len(positives), len(negatives), moved)
     features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
     samples = _samples(positives, negatives, evidence, tree, psi)
     terms = set(walk(tree.node(psi).predicate))
@@ -99,7 +102,7 @@ def _recurring(positives: FloatArray, negatives: FloatArray, evidence: Evidence,
                 other for other in _unhandled(node, evidence) if _recurs(node, other, positives, negatives, evidence)
             ]
             if others:
-                return replace(node, predicate=_widened(node, others, positives, negatives, evidence))
+                return replace(node, predicate=_widened(node, others, positives, evidence))
     return None
 
 
@@ -109,28 +112,49 @@ def _recurs(node: Node, other: str, positives: FloatArray, negatives: FloatArray
     return often and _share(phi, negatives, evidence) <= REUSE_ACCEPTS
 
 
-def _widened(
-    node: Node, others: Sequence[str], positives: FloatArray, negatives: FloatArray, evidence: Evidence
-) -> Predicate:
+def _widened(node: Node, others: Sequence[str], positives: FloatArray, evidence: Evidence) -> Predicate:
     """Move each threshold of φ that is too tight to where it holds on P_s for `others`, too."""
     (entity,), layout = node.entities, evidence.layout
 
-    def values(term: Term, states: FloatArray, names: Sequence[str]) -> FloatArray:
-        return np.concatenate([evaluate(rename(term, {entity: e}), states, {}, layout)[..., 0] for e in names])
+    def values(term: Term) -> FloatArray:
+        names = (entity, *others)
+        return np.concatenate([evaluate(rename(term, {entity: e}), positives, {}, layout)[..., 0] for e in names])
 
-    def widen(part: Predicate) -> Predicate:
-        match part:
-            case And(left, right):
-                return And(widen(left), widen(right))
-            case Less(term, Const(old)) | Greater(term, Const(old)):
-                sign = 1.0 if isinstance(part, Less) else -1.0
-                pos = sign * values(term, positives, [entity, *others])
-                neg = sign * values(term, negatives, others)
-                if pos.max() >= sign * old:
-                    return replace(part, right=Const(sign * bound(pos, neg, float(np.std(neg)))[0]))
-        return part
+    return _loosened(node.predicate, values)
 
-    return widen(node.predicate)
+
+def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
+    """Fit the thresholds of what comes before a recurring φ, learned from one entity, to all of its type.
+
+    P_s of another entity are the states before it satisfies φ.
+    """
+    (entity,) = reused.entities
+    kind = evidence.types[entity]
+    alike = [name for name, other in evidence.types.items() if other == kind]
+    before = {name: evidence.states_before(rename(reused.predicate, {entity: name})) for name in alike}
+    found = []
+    for node in tree.predecessors(reused.name):
+        if node.entities == (entity,):
+
+            def values(term: Term) -> FloatArray:
+                parts = [evaluate(rename(term, {entity: e}), s, {}, evidence.layout)[..., 0] for e, s in before.items()]
+                return np.concatenate(parts)
+
+            found.append(replace(node, predicate=_loosened(node.predicate, values)))
+    return tuple(found)
+
+
+def _loosened(phi: Predicate, values: Callable[[Term], FloatArray]) -> Predicate:
+    """Move each threshold of a conjunction that some of its term's `values` miss."""
+    match phi:
+        case And(left, right):
+            return And(_loosened(left, values), _loosened(right, values))
+        case Less(term, Const(old)) | Greater(term, Const(old)):
+            sign = 1.0 if isinstance(phi, Less) else -1.0
+            pos = sign * values(term)
+            if pos.max() >= sign * old:
+                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)))[0]))
+    return phi
 
 
 def _unhandled(node: Node, evidence: Evidence) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -64,13 +64,14 @@ class Tree:
             yield from self.below(node.name)
 
 
-def update_tree(tree: Tree, phi: Node, psi: str) -> Tree:
+def update_tree(tree: Tree, phi: Node, psi: str, moved: Sequence[Node] = ()) -> Tree:
     """Refine a tree with φ as a subgoal of ψ.
 
     Args:
         tree: T.
         phi: the new node; a φ equivalent to a predecessor of ψ, or of its name, marks that predecessor as circular.
         psi: name of the goal ψ.
+        moved: nodes of the tree whose predicates changed with φ.
 
     Returns:
         T[True ~φ~> ψ].
@@ -81,7 +82,8 @@ def update_tree(tree: Tree, phi: Node, psi: str) -> Tree:
     for old in tree.predecessors(psi):
         if old.name == phi.name or alpha_equivalent(old.predicate, phi.predicate):
             again = replace(phi if old.name == phi.name else old, circular=True)
-            return replace(tree, nodes=tuple(again if n == old else n for n in tree.nodes))
+            changed = {node.name: node for node in (*moved, again)}
+            return replace(tree, nodes=tuple(changed.get(n.name, n) for n in tree.nodes))
     nodes = (*tree.nodes, phi)
     kept = tuple(edge for edge in tree.edges if edge != (TRUE, psi))
     for old in tree.predecessors(psi):

@@ -89,7 +89,7 @@ def pure_steps(
         train=train,
         roll_out=roll_out,
         classify=lambda failures, tree, goal: learn_classifier(failures, evidence, tree, goal),
-        update_tree=lambda tree, refinement: update_tree(tree, refinement.node, refinement.psi),
+        update_tree=lambda tree, refinement: update_tree(tree, refinement.node, refinement.psi, refinement.moved),
         validate=lambda tree: validate(tree, evidence.first_steps_of(tree)),
     )
 

@@ -56,6 +56,7 @@ def refinement_to_json(refinement: Refinement) -> dict[str, Json]:
         "reused": refinement.reused,
         "positives": refinement.positives,
         "negatives": refinement.negatives,
+        "moved": [_node_to_json(node) for node in refinement.moved],
         "table": [_candidate_to_json(candidate) for candidate in refinement.table],
     }
 
@@ -75,6 +76,7 @@ def read_refinement(path: Path) -> Refinement:
             table=tuple(_candidate_from_json(row) for row in value["table"]),
             positives=int(value["positives"]),
             negatives=int(value["negatives"]),
+            moved=tuple(_node_from_json(node) for node in value["moved"]),
         )
     except (KeyError, TypeError, ValueError, RoboScribeError) as error:
         msg = f"{path}: found no refinement ({error})"
