@@ -142,7 +142,9 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
     return synthesize(ROOT, Tree(), skills, steps, limits)
 
 
-def synthesize(psi: str, tree: Tree, skills: Skills, steps: Steps[Skills], limits: Limits) -> Solution[Skills] | Fail:
+def synthesize(
+    psi: str, tree: Tree, skills: Skills, steps: Steps[Skills], limits: Limits, blind: FloatArray | None = None
+) -> Solution[Skills] | Fail:
     """Find a program that reaches ψ, refining the tree where the present one fails.
 
     Args:
@@ -151,12 +153,15 @@ def synthesize(psi: str, tree: Tree, skills: Skills, steps: Steps[Skills], limit
         skills: controllers trained so far.
         steps: the pieces.
         limits: accuracy asked and effort left.
+        blind: N_s of the attempt on ψ_R itself; None before it.
 
     Returns:
         The solution for ψ with every refinement made on the way, or Fail.
 
     Source:  Algorithm 2.
-    Departs: the goal is explicit; failure carries its reason; controllers trained once are kept.
+    Departs: the goal is explicit; failure carries its reason; controllers trained once are kept. While nothing
+        precedes ψ, it is compared with the attempt on ψ_R itself: an attempt on ψ that was cloned reaches most of
+        what leads to ψ even where it fails, and would teach muddled predicates.
     """
     program = steps.generate(psi, tree)
     if isinstance(program, Fail):
@@ -167,17 +172,19 @@ def synthesize(psi: str, tree: Tree, skills: Skills, steps: Steps[Skills], limit
         return Solution(program, tree, skills, outcome.rate)
     if limits.refinements <= 0:
         return Fail(f"{psi} is reached in only {outcome.rate:.0%} of the episodes after the last refinement allowed")
-    refinement = steps.classify(outcome.failures, tree, psi)
+    failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
+    blind = failures if blind is None else blind
+    refinement = steps.classify(failures, tree, psi)
     if isinstance(refinement, Fail):
         return Fail(f"{psi} is reached in only {outcome.rate:.0%} of the episodes, and {refinement.reason}")
     tree = steps.update_tree(tree, refinement)
     invalid = steps.validate(tree)
     if invalid is not None:
         return invalid
-    subgoal = synthesize(refinement.node.name, tree, skills, steps, _less(limits, 1))
+    subgoal = synthesize(refinement.node.name, tree, skills, steps, _less(limits, 1), blind)
     if isinstance(subgoal, Fail):
         return subgoal
-    goal = synthesize(psi, subgoal.tree, subgoal.skills, steps, _less(limits, 1 + len(subgoal.refinements)))
+    goal = synthesize(psi, subgoal.tree, subgoal.skills, steps, _less(limits, 1 + len(subgoal.refinements)), blind)
     if isinstance(goal, Fail):
         return goal
     return replace(goal, refinements=(refinement, *subgoal.refinements, *goal.refinements))
