@@ -179,7 +179,7 @@ def _free(node: Node) -> tuple[str, ...]:
 def _samples(positives: FloatArray, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Samples:
     predecessors = tree.predecessors(psi)
     if len(predecessors) == 1:
-        phi = predecessors[0].lifted(evidence.types)
+        phi = predecessors[0].completed(evidence.types)
         reached = holds(phi, negatives, {}, evidence.layout, evidence.solved)
         negatives = negatives[reached] if reached.sum() >= 50 else negatives
     frames, starts = _frames_before(evidence, evidence.first_steps(tree.node(psi).predicate))

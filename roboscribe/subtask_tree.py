@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from roboscribe.dsl.rewrite import alpha_equivalent, exist_quant, free_vars
-from roboscribe.dsl.syntax import Predicate, Solved, Truth
+from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
 from roboscribe.errors import Fail
 from roboscribe.world.layout import IntArray
 
@@ -40,6 +40,10 @@ class Node:
     def lifted(self, types: Mapping[str, str]) -> Predicate:
         """φ as it stands in the tree: existentially quantified in circular nodes."""
         return exist_quant(self.predicate, types) if self.circular else self.predicate
+
+    def completed(self, types: Mapping[str, str]) -> Predicate:
+        """What holds when the program has dealt with the node: φ, in circular nodes of every entity."""
+        return Not(exist_quant(Not(self.predicate), types)) if self.circular else self.predicate
 
 
 @dataclass(frozen=True)
