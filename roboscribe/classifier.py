@@ -23,6 +23,9 @@ REUSE_MISSES = 0.1
 """Share of P_s in which a reused predicate may be false: its threshold was learned from another entity."""
 REUSE_ACCEPTS = 0.02
 """Share of N_s on which a reused predicate may be true."""
+ROOM = 0.5
+"""How far the threshold of a recurring subgoal lies beyond all entities' positives, in their ranges: the program's
+own work has to satisfy it again and again, and is less exact than the demonstrator's."""
 MOST_NEGATIVES = 6_000
 """Negatives beyond this many are thinned evenly."""
 
@@ -153,7 +156,7 @@ def _loosened(phi: Predicate, values: Callable[[Term], FloatArray]) -> Predicate
             sign = 1.0 if isinstance(phi, Less) else -1.0
             pos = sign * values(term)
             if pos.max() >= sign * old:
-                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)))[0]))
+                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)), ROOM)[0]))
     return phi
 
 
