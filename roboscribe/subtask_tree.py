@@ -42,7 +42,7 @@ class Node:
         return exist_quant(self.predicate, types) if self.circular else self.predicate
 
     def completed(self, types: Mapping[str, str]) -> Predicate:
-        """What holds when the program has dealt with the node: φ, in circular nodes of every entity."""
+        """Return what holds when the program has dealt with the node: φ, in circular nodes of every entity."""
         return Not(exist_quant(Not(self.predicate), types)) if self.circular else self.predicate
 
 
