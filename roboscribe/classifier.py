@@ -15,7 +15,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.naming import name_predicate
-from roboscribe.search.predicates import Anchor, Candidate, Samples, bound, rank_predicates
+from roboscribe.search.predicates import SLACK, Anchor, Candidate, Samples, bound, rank_predicates
 from roboscribe.subtask_tree import NEVER, Node, Tree
 from roboscribe.world.layout import FloatArray, IntArray
 
@@ -123,7 +123,7 @@ def _widened(node: Node, others: Sequence[str], positives: FloatArray, evidence:
         names = (entity, *others)
         return np.concatenate([evaluate(rename(term, {entity: e}), positives, {}, layout)[..., 0] for e in names])
 
-    return _loosened(node.predicate, values)
+    return _loosened(node.predicate, values, ROOM)
 
 
 def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
@@ -143,20 +143,20 @@ def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
                 parts = [evaluate(rename(term, {entity: e}), s, {}, evidence.layout)[..., 0] for e, s in before.items()]
                 return np.concatenate(parts)
 
-            found.append(replace(node, predicate=_loosened(node.predicate, values)))
+            found.append(replace(node, predicate=_loosened(node.predicate, values, SLACK)))
     return tuple(found)
 
 
-def _loosened(phi: Predicate, values: Callable[[Term], FloatArray]) -> Predicate:
+def _loosened(phi: Predicate, values: Callable[[Term], FloatArray], room: float) -> Predicate:
     """Move each threshold of a conjunction that some of its term's `values` miss."""
     match phi:
         case And(left, right):
-            return And(_loosened(left, values), _loosened(right, values))
+            return And(_loosened(left, values, room), _loosened(right, values, room))
         case Less(term, Const(old)) | Greater(term, Const(old)):
             sign = 1.0 if isinstance(phi, Less) else -1.0
             pos = sign * values(term)
             if pos.max() >= sign * old:
-                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)), ROOM)[0]))
+                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)), room)[0]))
     return phi
 
 
