@@ -1,0 +1,33 @@
+"""The programs that come with the package: small, said how they were made, and good at what they were made for."""
+
+from __future__ import annotations
+
+import pytest
+
+from pipelines.programs import TRAINED, evaluation, open_program, shipped_names
+from roboscribe.io.saved_program import load_program
+from stages.evaluate import Config
+
+NAMES = shipped_names()
+
+
+def test_there_is_a_tower_program() -> None:
+    assert "tower-5" in NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_is_small_and_says_how_it_was_made(name: str) -> None:
+    assert sum(path.stat().st_size for path in (TRAINED / name).iterdir()) < 1_000_000
+    manifest = load_program(TRAINED / name).manifest
+    assert manifest["task"] == name
+    assert str(manifest["command"]).startswith(f"roboscribe synthesize {name} --seed {manifest['seed']}")
+    assert len(str(manifest["commit"])) >= 40
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_solves_its_task(name: str) -> None:
+    program, where = open_program(TRAINED / name, None, "stable", "fast")
+    result = evaluation(program, Config(where, seed=123, episodes=8))
+    success = result["success"]
+    assert isinstance(success, float)
+    assert success >= 7 / 8
