@@ -15,7 +15,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.naming import name_predicate
-from roboscribe.search.predicates import SLACK, Anchor, Candidate, Samples, bound, rank_predicates
+from roboscribe.search.predicates import Anchor, Candidate, Samples, bound, rank_predicates
 from roboscribe.subtask_tree import NEVER, Node, Tree
 from roboscribe.world.layout import FloatArray, IntArray
 
@@ -23,9 +23,6 @@ REUSE_MISSES = 0.1
 """Share of P_s in which a reused predicate may be false: its threshold was learned from another entity."""
 REUSE_ACCEPTS = 0.02
 """Share of N_s on which a reused predicate may be true."""
-ROOM = 0.5
-"""How far the threshold of a recurring subgoal lies beyond all entities' positives, in their ranges: the program's
-own work has to satisfy it again and again, and is less exact than the demonstrator's."""
 MOST_NEGATIVES = 6_000
 """Negatives beyond this many are thinned evenly."""
 
@@ -123,7 +120,7 @@ def _widened(node: Node, others: Sequence[str], positives: FloatArray, evidence:
         names = (entity, *others)
         return np.concatenate([evaluate(rename(term, {entity: e}), positives, {}, layout)[..., 0] for e in names])
 
-    return _loosened(node.predicate, values, ROOM)
+    return _loosened(node.predicate, values)
 
 
 def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
@@ -143,20 +140,20 @@ def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
                 parts = [evaluate(rename(term, {entity: e}), s, {}, evidence.layout)[..., 0] for e, s in before.items()]
                 return np.concatenate(parts)
 
-            found.append(replace(node, predicate=_loosened(node.predicate, values, SLACK)))
+            found.append(replace(node, predicate=_loosened(node.predicate, values)))
     return tuple(found)
 
 
-def _loosened(phi: Predicate, values: Callable[[Term], FloatArray], room: float) -> Predicate:
+def _loosened(phi: Predicate, values: Callable[[Term], FloatArray]) -> Predicate:
     """Move each threshold of a conjunction that some of its term's `values` miss."""
     match phi:
         case And(left, right):
-            return And(_loosened(left, values, room), _loosened(right, values, room))
+            return And(_loosened(left, values), _loosened(right, values))
         case Less(term, Const(old)) | Greater(term, Const(old)):
             sign = 1.0 if isinstance(phi, Less) else -1.0
             pos = sign * values(term)
             if pos.max() >= sign * old:
-                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)), room)[0]))
+                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)))[0]))
     return phi
 
 

@@ -123,19 +123,18 @@ def _atom(feature: Feature, pos: FloatArray, neg: FloatArray, frames: FloatArray
     return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread)
 
 
-def bound(pos: FloatArray, neg: FloatArray, spread: float, room: float = SLACK) -> tuple[float, float]:
+def bound(pos: FloatArray, neg: FloatArray, spread: float) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
     Args:
         pos: (P,) values to lie below.
         neg: (M,) values that had better not.
         spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
-        room: how far beyond the positives, in their ranges.
     """
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
-    slack = max(room * (extreme - float(pos.min())), LEAST_SLACK * spread)
+    slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
     few = np.mean((neg > extreme) & (neg < extreme + slack)) <= FEW if neg.size else True
     return _rounded(extreme + (slack if few else min(slack, 0.5 * gap)), extreme, neg), gap
 
