@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -102,7 +102,7 @@ def _recurring(positives: FloatArray, negatives: FloatArray, evidence: Evidence,
                 other for other in _unhandled(node, evidence) if _recurs(node, other, positives, negatives, evidence)
             ]
             if others:
-                return replace(node, predicate=_widened(node, others, positives, evidence))
+                return _fitted(node, dict.fromkeys((*node.entities, *others), positives), evidence)
     return None
 
 
@@ -112,36 +112,27 @@ def _recurs(node: Node, other: str, positives: FloatArray, negatives: FloatArray
     return often and _share(phi, negatives, evidence) <= REUSE_ACCEPTS
 
 
-def _widened(node: Node, others: Sequence[str], positives: FloatArray, evidence: Evidence) -> Predicate:
-    """Move each threshold of φ that is too tight to where it holds on P_s for `others`, too."""
-    (entity,), layout = node.entities, evidence.layout
-
-    def values(term: Term) -> FloatArray:
-        names = (entity, *others)
-        return np.concatenate([evaluate(rename(term, {entity: e}), positives, {}, layout)[..., 0] for e in names])
-
-    return _loosened(node.predicate, values)
-
-
 def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
     """Fit the thresholds of what comes before a recurring φ, learned from one entity, to all of its type.
 
     P_s of another entity are the states before it satisfies φ.
     """
     (entity,) = reused.entities
-    kind = evidence.types[entity]
-    alike = [name for name, other in evidence.types.items() if other == kind]
+    alike = (entity, *_unhandled(reused, evidence))
     before = {name: evidence.states_before(rename(reused.predicate, {entity: name})) for name in alike}
-    found = []
-    for node in tree.predecessors(reused.name):
-        if node.entities == (entity,):
+    preceding = (node for node in tree.predecessors(reused.name) if node.entities == (entity,))
+    return tuple(_fitted(node, before, evidence) for node in preceding)
 
-            def values(term: Term) -> FloatArray:
-                parts = [evaluate(rename(term, {entity: e}), s, {}, evidence.layout)[..., 0] for e, s in before.items()]
-                return np.concatenate(parts)
 
-            found.append(replace(node, predicate=_loosened(node.predicate, values)))
-    return tuple(found)
+def _fitted(node: Node, samples: Mapping[str, FloatArray], evidence: Evidence) -> Node:
+    """Move each threshold of φ that is too tight to where it holds, for each entity, on the samples of that entity."""
+    (entity,) = node.entities
+
+    def values(term: Term) -> FloatArray:
+        found = [evaluate(rename(term, {entity: e}), s, {}, evidence.layout)[..., 0] for e, s in samples.items()]
+        return np.concatenate(found)
+
+    return replace(node, predicate=_loosened(node.predicate, values))
 
 
 def _loosened(phi: Predicate, values: Callable[[Term], FloatArray]) -> Predicate:

@@ -65,6 +65,13 @@ def measure(
     return figures, episode_table(done, seeds)
 
 
+def record(grounded: Grounded, task: Task, seed: int, episodes: int, out: Path, report: Report = silent) -> None:
+    """Run a program as `measure` does; write its figures as `outcome.json`, its episodes as `episodes.json`."""
+    figures, table = measure(grounded, task, seed, episodes, report)
+    write_json(out / EPISODES, table)
+    write_json(out / OUTCOME, figures)
+
+
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
     """Write `outcome.json` and `episodes.json`.
 
@@ -75,9 +82,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     grounded = Grounded(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    figures, table = measure(grounded, task, config.seed, config.episodes, report)
-    write_json(out / EPISODES, table)
-    write_json(out / OUTCOME, figures)
+    record(grounded, task, config.seed, config.episodes, out, report)
 
 
 STAGE = Stage("evaluate", Config, run)

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
 from stages import alone
-from stages.evaluate import measure
-from stages.files import EPISODES, OUTCOME, write_json
+from stages.evaluate import record
 from stages.grounded import grounded
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
@@ -52,9 +51,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         for name, file in FILES.items():  # a program is loaded from one directory, wherever its files lie here
             shutil.copyfile(inputs[name], Path(scratch) / file)
         program = grounded(load_program(Path(scratch)), task, str(inputs["controllers"]))
-    figures, table = measure(program, task, config.seed, config.episodes, report)
-    write_json(out / EPISODES, table)
-    write_json(out / OUTCOME, figures)
+    record(program, task, config.seed, config.episodes, out, report)
 
 
 STAGE = Stage("transfer", Config, run)

@@ -86,7 +86,8 @@ class Setting:
                 return found
             if isinstance(part, While) and isinstance(part.guard, Get):
                 get, reached = part.guard, controllers(part.body)[-1].until
-                found = Invariant(reached, get.var.name, get.type) if free_vars(reached) == (get.var.name,) else found
+                if free_vars(reached) == (get.var.name,):
+                    found = Invariant(reached, get.var.name, get.type)
         return found
 
     @cached_property
@@ -143,7 +144,8 @@ class Setting:
         """
         values: dict[str, list[float]] = {}
         layout = self.task.layout
-        every = {part.var.name: np.array(layout.of_type(part.type))[:, None] for part in _quantifiers(run)}
+        quantifiers = [part for part in walk(run.until) if isinstance(part, Exists)]
+        every = {part.var.name: np.array(layout.of_type(part.type))[:, None] for part in quantifiers}
         for shown, part in self._parts(run):
             binding = every | dict(zip(run_variables(run), part.entities, strict=True))
             states = shown.states[part.start : part.stop + 1]
@@ -196,7 +198,3 @@ class Setting:
         share = evaluation / (starts + evaluation)
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
         return held_out, pool, steps
-
-
-def _quantifiers(run: Run) -> tuple[Exists, ...]:
-    return tuple(part for part in walk(run.until) if isinstance(part, Exists))

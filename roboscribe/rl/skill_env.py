@@ -51,7 +51,7 @@ class Progress:
         self.streak = np.zeros(batch, np.int64)
         self.limit = np.zeros(batch, np.int64)
         self.harm = np.zeros(batch, np.int64)
-        self.standing = subtask.standing(np.zeros((batch, subtask.task.layout.size)), np.zeros((batch, 0), np.int64))
+        self.standing = np.zeros((batch, len(subtask.others)), np.bool_)
 
     def begin(self, rows: IntArray, states: FloatArray, start: StartPool) -> None:
         """Start attempts; what is left of the episode bounds them as the subtask's limit does."""

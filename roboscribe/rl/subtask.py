@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -27,15 +28,6 @@ class Invariant:
     reached: Predicate
     variable: str
     kind: str
-
-    def members(self, task: Task) -> IntArray:
-        """Return the entities (K,) that it ranges over."""
-        return np.array(task.layout.of_type(self.kind), np.int64)
-
-    def served(self, task: Task, states: FloatArray) -> BoolArray:
-        """Evaluate φ for every entity; states (R, F), returns (R, K)."""
-        binding = {self.variable: self.members(task)}
-        return holds(self.reached, states[:, None], binding, task.layout, task.solved)
 
 
 @dataclass(frozen=True)
@@ -85,20 +77,30 @@ class Subtask:
         """Evaluate what the skill is measured by: φ, or ψ_R for the last skill of a program; returns (R,)."""
         return self.task.solved(states) if self.maintain else self.holds(states, entities)
 
+    @cached_property
+    def others(self) -> IntArray:
+        """Entities (K,) that a loop around the skill serves."""
+        kind = None if self.invariant is None else self.invariant.kind
+        return np.array([] if kind is None else self.task.layout.of_type(kind), np.int64)
+
+    def _served(self, invariant: Invariant, states: FloatArray) -> BoolArray:
+        """Tell for which of the `others` the loop's φ holds; states (R, F), returns (R, K)."""
+        binding = {invariant.variable: self.others}
+        return holds(invariant.reached, states[:, None], binding, self.task.layout, self.task.solved)
+
     def standing(self, states: FloatArray, entities: IntArray) -> BoolArray:
         """Tell which entities a loop has served and this skill is not to touch; (R, K), K of the loop's type."""
         if self.invariant is None:
             return np.zeros((len(states), 0), np.bool_)
-        others = self.invariant.members(self.task)
-        served = self.invariant.served(self.task, states)
-        standing: BoolArray = served & (entities[:, :, None] != others).all(axis=1)
+        unbound = (entities[:, :, None] != self.others).all(axis=1)
+        standing: BoolArray = unbound & self._served(self.invariant, states)
         return standing
 
     def spared(self, states: FloatArray, standing: BoolArray) -> BoolArray:
         """Tell whether everything that was `standing` (R, K) at the start still is; returns (R,)."""
         if self.invariant is None:
             return np.ones(len(states), np.bool_)
-        spared: BoolArray = (~standing | self.invariant.served(self.task, states)).all(axis=1)
+        spared: BoolArray = (~standing | self._served(self.invariant, states)).all(axis=1)
         return spared
 
     def shaped(self, states: FloatArray, entities: IntArray) -> FloatArray:
