@@ -8,12 +8,12 @@ from itertools import combinations, product
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, size, walk
+from roboscribe.dsl.rewrite import conjunction, free_vars, rename, size, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Goal, Less, Not, Object, Predicate, Proj, Truth, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.search.topdown import Atoms, Literal, top_down_enum
+from roboscribe.search.topdown import Atoms, Literal, strictest_literal, top_down_enum
 from roboscribe.subtask_tree import NEVER, Node, Tree
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
@@ -23,6 +23,8 @@ CHOICE_TOLERANCE = 0.1
 """The same for who plays a role: now and then a demonstrator brushes another entity first."""
 MOST_EXAMPLES = 6_000
 """Examples beyond this many are thinned evenly."""
+BROKEN = 20.0
+"""A sign of order counts where entities taken at random would have broken it this often, and hardly any did."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,16 +36,26 @@ class Examples:
         entities: (X,) index of e_i.
         positive: (X,) e_i is being handled in s_t.
         done: (X,) e_i was handled before s_t; of the negatives, those that show termination.
+        choice: (X,) in s_t the demonstrator turns to another entity, and e_i is it or could have been.
     """
 
     states: FloatArray
     entities: IntArray
     positive: BoolArray
     done: BoolArray
+    choice: BoolArray
 
     def __getitem__(self, rows: BoolArray | slice) -> Examples:
         """Select examples."""
-        return Examples(self.states[rows], self.entities[rows], self.positive[rows], self.done[rows])
+        return Examples(
+            *(column[rows] for column in (self.states, self.entities, self.positive, self.done, self.choice))
+        )
+
+    def thinned(self) -> Examples:
+        """Leave out examples evenly, but for choices, where there are too many."""
+        kept = self.choice.copy()
+        kept[:: len(kept) // MOST_EXAMPLES + 1] = True
+        return self[kept]
 
 
 def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate | Fail:
@@ -60,10 +72,10 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
 
     Source:  Algorithm 6.
     Departs: examples come from all demonstrations and every e_i is explained by one predicate over the variable,
-        so that the guard does not fit one demonstration's accidents. Where no predicate explains the order, the
-        demonstrations show none, and the guard need only encode termination.
+        so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
+        guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.predicate)
+    examples = loop_examples(evidence, node.predicate).thinned()
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
@@ -71,11 +83,35 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
     (entity,) = free_vars(node.predicate)
     nodes = (node, *tree.below(node.name))
     learned = tuple(dict.fromkeys(n.predicate for n in nodes if free_vars(n.predicate) == (entity,)))
-    for shown in (examples, examples[examples.positive | examples.done]):
-        guard = top_down_enum(guard_atoms(shown, evidence, entity, learned), shown.positive, TOLERANCE)
-        if guard is not None:
-            return guard
-    return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
+    whole = top_down_enum(guard_atoms(examples, evidence, entity, learned), examples.positive, TOLERANCE)
+    if whole is not None:
+        return whole
+    ended = examples[examples.positive | examples.done]
+    termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
+    if termination is None:
+        return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
+    return conjunction([termination, *partial_order(examples, evidence, entity, learned)])
+
+
+def partial_order(
+    examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate]
+) -> tuple[Predicate, ...]:
+    """Find what demonstrators heed whenever they turn to another entity, where it leaves some of them to chance.
+
+    Args:
+        examples: labelled pairs.
+        evidence: demonstrations, for layout and types.
+        entity: v, the name that stands for the entity that an example is about.
+        learned: predicates about it alone.
+
+    Returns:
+        The literal true of all that are handled and false of the most that wait; none where choices by lot would
+        hardly ever have broken it.
+    """
+    shown = examples[examples.positive | examples.choice]
+    order = strictest_literal(guard_atoms(shown, evidence, entity, learned), shown.positive, TOLERANCE)
+    broken = (shown.choice & shown.positive).sum() * order.refused
+    return (order.predicate,) if broken >= BROKEN else ()
 
 
 def entity_choice(evidence: Evidence, entity: str) -> Predicate:
@@ -94,7 +130,7 @@ def entity_choice(evidence: Evidence, entity: str) -> Predicate:
     members = np.array(layout.of_type(evidence.types[entity]), dtype=np.int64)
     entities = np.tile(members, len(starts))
     positive = entities == layout.names.index(entity)
-    shown = Examples(np.repeat(starts, len(members), axis=0), entities, positive, ~positive)
+    shown = Examples(np.repeat(starts, len(members), axis=0), entities, positive, ~positive, np.ones_like(positive))
     if positive.all():
         return Truth()
     atoms = guard_atoms(shown, evidence, entity, ())
@@ -118,30 +154,34 @@ def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
     (name,) = free_vars(phi)
     members = evidence.layout.of_type(evidence.types[name])
     first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
-    lengths = [len(trajectory) for trajectory in evidence.trajectories]
     parts = [
-        _label(int(start), lengths[d], members, first[:, d])
-        for d, start in enumerate(evidence.starts)
+        _label(evidence, d, members, first[:, d])
+        for d in range(len(evidence.trajectories))
         if (first[:, d] < NEVER).all()
     ]
     if not parts:
-        empty = np.empty(0, dtype=np.bool_)
-        return Examples(np.empty((0, evidence.layout.size)), np.empty(0, dtype=np.int64), empty, empty)
-    frames, entities, positive, done = (np.concatenate(column) for column in zip(*parts, strict=True))
-    thin = slice(None, None, len(frames) // MOST_EXAMPLES + 1)
-    return Examples(evidence.states[frames[thin]], entities[thin], positive[thin], done[thin])
+        none = np.empty(0, dtype=np.bool_)
+        return Examples(np.empty((0, evidence.layout.size)), np.empty(0, dtype=np.int64), none, none, none)
+    return Examples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _label(
-    start: int, length: int, members: tuple[int, ...], first: IntArray
-) -> tuple[IntArray, IntArray, BoolArray, BoolArray]:
-    """Frames, entities, "is being handled" and "was handled" for every entity in every frame of a demonstration."""
+    evidence: Evidence, shown: int, members: tuple[int, ...], first: IntArray
+) -> tuple[FloatArray, IntArray, BoolArray, BoolArray, BoolArray]:
+    """Label every frame of a demonstration with every entity; `first` (N,) says when each satisfied φ."""
+    states = evidence.trajectories[shown].states
     ends = np.sort(first)
-    begins = dict(zip(ends.tolist(), [0, *ends[:-1].tolist()], strict=True))
-    steps = np.tile(np.arange(length), len(members))
-    end = np.repeat(first, length)
-    begin = np.repeat([begins[int(e)] for e in first], length)
-    return start + steps, np.repeat(members, length), (steps >= begin) & (steps < end), steps >= end
+    begins = np.array([0, *ends[:-1]])
+    steps = np.tile(np.arange(len(states)), len(members))
+    end = np.repeat(first, len(states))
+    begin = np.repeat(begins[np.searchsorted(ends, first)], len(states))
+    return (
+        np.tile(states, (len(members), 1)),
+        np.repeat(members, len(states)),
+        (steps >= begin) & (steps < end),
+        steps >= end,
+        np.isin(steps, begins[:-1]) & (steps < end),
+    )
 
 
 LEARNED_COST = 1

@@ -41,11 +41,17 @@ def state(layout: Layout, hand: FloatArray, places: FloatArray, goals: FloatArra
     return row
 
 
-def carry(task: PointTask, rng: np.random.Generator, order: Order, steps: int = 12) -> Trajectory:
-    """Draw one demonstration: objects start left, a stack of goals lies right; `steps` frames a leg."""
+def carry(
+    task: PointTask, rng: np.random.Generator, order: Order, steps: int = 12, levels: Sequence[int] | None = None
+) -> Trajectory:
+    """Draw one demonstration: objects start left, goals lie right, a stack unless `levels` says otherwise.
+
+    There are `steps` frames a leg.
+    """
     count = len(task.kinds)
     hand, places = rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, 1.0, (count, 2))
-    goals = np.array([1.5, 0.0]) + np.outer(rng.permutation(count), [0.0, 0.2])
+    goals = np.array([1.5, 0.0]) + np.outer(rng.permutation(levels or range(count)), [0.0, 0.2])
+    goals[:, 0] += 0.2 * np.arange(count) if levels else 0.0
     rows = [state(task.layout, hand, places, goals)]
     for i in order(goals):
         for ends, held in (((hand, places[i].copy()), False), ((places[i].copy(), goals[i]), True)):
@@ -56,10 +62,16 @@ def carry(task: PointTask, rng: np.random.Generator, order: Order, steps: int = 
     return Trajectory(task.layout, np.stack(rows))
 
 
-def evidence(task: PointTask, order: Order = bottom_up, episodes: int = 20, steps: int = 12) -> Evidence:
+def evidence(
+    task: PointTask,
+    order: Order = bottom_up,
+    episodes: int = 20,
+    steps: int = 12,
+    levels: Sequence[int] | None = None,
+) -> Evidence:
     """Collect demonstrations."""
     rng = np.random.default_rng(0)
-    return Evidence.of([carry(task, rng, order, steps) for _ in range(episodes)], task.solved)
+    return Evidence.of([carry(task, rng, order, steps, levels) for _ in range(episodes)], task.solved)
 
 
 def node(name: str, text: str, *entities: str, circular: bool = False) -> Node:

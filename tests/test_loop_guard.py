@@ -12,6 +12,7 @@ from roboscribe.dsl.syntax import Not, Predicate, Truth
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.loop_guard import entity_choice, loop_examples, order_condition, predicate_synthesis
+from roboscribe.world.layout import FloatArray
 from tests.handmade import AT, HOLD, bottom_up, chain, evidence, node, state, top_down
 
 TASK = PointTask("toy", ("block",) * 3)
@@ -56,6 +57,18 @@ def test_no_order_leaves_the_end_of_the_loop() -> None:
     assert predicate_synthesis(shown, TREE, AT_NODE) == Not(AT_NODE.predicate)
 
 
+def test_an_order_among_some_is_kept() -> None:
+    rng = np.random.default_rng(1)
+
+    def by_lot_but_high_last(goals: FloatArray) -> list[int]:
+        return [int(i) for i in np.lexsort((rng.random(len(goals)), goals[:, 1]))]
+
+    shown = evidence(TASK, by_lot_but_high_last, episodes=50, levels=(0, 0, 1))
+    guard = predicate_synthesis(shown, TREE, AT_NODE)
+    assert not isinstance(guard, Fail)
+    assert agree(guard, lowest_first("g(o)↓z < g(b1)↓z"))
+
+
 def test_every_entity_is_positive_exactly_while_it_is_handled() -> None:
     shown = evidence(TASK, episodes=1)
     (trajectory,) = shown.trajectories
@@ -67,6 +80,7 @@ def test_every_entity_is_positive_exactly_while_it_is_handled() -> None:
         assert np.array_equal(mine.states, trajectory.states)
         assert np.array_equal(mine.positive, (begin <= steps) & (steps < end))
         assert np.array_equal(mine.done, steps >= end)
+        assert np.array_equal(mine.choice, np.isin(steps, [0, *ends[:-2]]) & (steps < end))
 
 
 def test_demonstrations_that_leave_an_entity_out_show_nothing() -> None:

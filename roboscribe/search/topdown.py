@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from roboscribe.dsl.rewrite import conjunction
-from roboscribe.dsl.syntax import And, Exists, Not, Predicate, Var
+from roboscribe.dsl.syntax import And, Exists, Not, Predicate, Truth, Var
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 LONGEST = 3
@@ -77,18 +77,44 @@ def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predic
 
 def enumerate_conjunctions(atoms: Atoms, positive: BoolArray, tolerance: float, budget: int = BUDGET) -> Enumeration:
     """Judge every conjunction of up to three literals, as long as the budget lasts; arguments as `top_down_enum`."""
-    atoms, kinds = _distinct_examples(atoms, len(positive))
-    count = kinds.max(initial=-1) + 1
-    door = _Door(
-        literals(atoms),
-        np.bincount(kinds[positive], minlength=count).astype(np.float64),
-        np.bincount(kinds[~positive], minlength=count).astype(np.float64),
-        tolerance,
-        budget,
-    )
+    atoms, positives, negatives = _counted(atoms, positive)
+    door = _Door(literals(atoms), positives, negatives, tolerance, budget)
     for length in range(1, LONGEST + 1):
         door.judge_all(length)
     return Enumeration(door.cheapest(), door.candidates)
+
+
+@dataclass(frozen=True)
+class Strictest:
+    """A literal, and which share of the negative examples it refuses."""
+
+    predicate: Predicate
+    refused: float
+
+
+def strictest_literal(atoms: Atoms, positive: BoolArray, tolerance: float) -> Strictest:
+    """Find the literal that refuses the most negative examples, but no positive ones.
+
+    Args:
+        atoms: literals' atoms with their truth on X examples.
+        positive: (X,) labels.
+        tolerance: share of the positives that may be refused; literals whose refusals differ by less are equal.
+
+    Returns:
+        The strictest literal, of equals the cheapest; True, which refuses none, where there is no other.
+    """
+    atoms, positives, negatives = _counted(atoms, positive)
+
+    def refused(literal: Literal, examples: FloatArray) -> float:
+        return float(examples @ ~literal.truth) / max(1.0, float(examples.sum()))
+
+    fit = [(refused(p, negatives), p) for p in literals(atoms) if refused(p, positives) <= tolerance]
+    most = max((share for share, _ in fit), default=0.0)
+    equals = [(share, p) for share, p in fit if share >= most - tolerance]
+    if not equals:
+        return Strictest(Truth(), 0.0)
+    share, chosen = min(equals, key=lambda found: (found[1].cost, -found[0], str(found[1].predicate)))
+    return Strictest(chosen.predicate, share)
 
 
 def literals(atoms: Atoms) -> list[Literal]:
@@ -119,6 +145,14 @@ def _ordered(one: Literal, other: Literal) -> tuple[Predicate, Predicate]:
 def _exists(atoms: Atoms, body: Predicate, cost: int, truth: BoolArray) -> Literal:
     somewhere = np.bitwise_or.reduce(truth.view(np.uint8), axis=0).view(np.bool_)  # far faster than any()
     return Literal(Exists(atoms.var, atoms.kind, body), cost + EXISTS_COST, somewhere)
+
+
+def _counted(atoms: Atoms, positive: BoolArray) -> tuple[Atoms, FloatArray, FloatArray]:
+    """Keep one of all examples on which every atom is equally true; count the positive and negative ones of each."""
+    atoms, kinds = _distinct_examples(atoms, len(positive))
+    count = kinds.max(initial=-1) + 1
+    positives, negatives = (np.bincount(kinds[label], minlength=count) for label in (positive, ~positive))
+    return atoms, positives.astype(np.float64), negatives.astype(np.float64)
 
 
 def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
