@@ -47,8 +47,17 @@ class Examples:
 
     def __getitem__(self, rows: BoolArray | slice) -> Examples:
         """Select examples."""
-        return Examples(
-            *(column[rows] for column in (self.states, self.entities, self.positive, self.done, self.choice))
+        return Examples(self.states[rows], self.entities[rows], self.positive[rows], self.done[rows], self.choice[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Examples]) -> Examples:
+        """Put examples one after the other; `parts` is not empty."""
+        return cls(
+            np.concatenate([p.states for p in parts]),
+            np.concatenate([p.entities for p in parts]),
+            np.concatenate([p.positive for p in parts]),
+            np.concatenate([p.done for p in parts]),
+            np.concatenate([p.choice for p in parts]),
         )
 
     def thinned(self) -> Examples:
@@ -154,33 +163,22 @@ def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
     (name,) = free_vars(phi)
     members = evidence.layout.of_type(evidence.types[name])
     first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
-    parts = [
-        _label(evidence, d, members, first[:, d])
-        for d in range(len(evidence.trajectories))
-        if (first[:, d] < NEVER).all()
-    ]
-    if not parts:
-        none = np.empty(0, dtype=np.bool_)
-        return Examples(np.empty((0, evidence.layout.size)), np.empty(0, dtype=np.int64), none, none, none)
-    return Examples(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    shown = zip(evidence.trajectories, first.T, strict=True)
+    return Examples.joined([_label(t.states[: None if max(f) < NEVER else 0], members, f) for t, f in shown])
 
 
-def _label(
-    evidence: Evidence, shown: int, members: tuple[int, ...], first: IntArray
-) -> tuple[FloatArray, IntArray, BoolArray, BoolArray, BoolArray]:
+def _label(states: FloatArray, members: tuple[int, ...], first: IntArray) -> Examples:
     """Label every frame of a demonstration with every entity; `first` (N,) says when each satisfied φ."""
-    states = evidence.trajectories[shown].states
     ends = np.sort(first)
     begins = np.array([0, *ends[:-1]])
     steps = np.tile(np.arange(len(states)), len(members))
-    end = np.repeat(first, len(states))
-    begin = np.repeat(begins[np.searchsorted(ends, first)], len(states))
-    return (
-        np.tile(states, (len(members), 1)),
-        np.repeat(members, len(states)),
-        (steps >= begin) & (steps < end),
-        steps >= end,
-        np.isin(steps, begins[:-1]) & (steps < end),
+    begin, end = (np.repeat(x, len(states)) for x in (begins[np.searchsorted(ends, first)], first))
+    return Examples(
+        states=np.tile(states, (len(members), 1)),
+        entities=np.repeat(np.array(members, np.int64), len(states)),
+        positive=(steps >= begin) & (steps < end),
+        done=steps >= end,
+        choice=np.isin(steps, begins[:-1]) & (steps < end),
     )
 
 
