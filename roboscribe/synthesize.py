@@ -119,7 +119,8 @@ class Limits:
 
     Args:
         success: 1 − ε, least success rate of every subgoal.
-        task: the same of the task. What four episodes in five do not lack is no subgoal, but a better controller.
+        task: the same of the task and of loops. What four episodes in five do not lack is no subgoal, but better
+            controllers of the many that have to succeed together.
         refinements: most refinements of one synthesis (Sec. 4.4 bounds them; this bounds them tighter).
     """
 
@@ -170,7 +171,7 @@ def synthesize(
         return program
     skills = steps.train(program, psi, tree, skills)
     outcome = steps.roll_out(program, psi, skills)
-    if outcome.rate >= (limits.task if psi == ROOT else limits.success):
+    if outcome.rate >= (limits.task if psi == ROOT or tree.node(psi).circular else limits.success):
         return Solution(program, tree, skills, outcome.rate)
     if limits.refinements <= 0:
         return Fail(f"{psi} is reached in only {outcome.rate:.0%} of the episodes after the last refinement allowed")

@@ -144,8 +144,8 @@ class PoolConfig:
         batch: rows stepped at once.
     """
 
-    starts: int = 400
-    evaluation: int = 200
+    starts: int = 800
+    evaluation: int = 400
     opaque: int = 32
     attempts: int = 3
     screening: int = 50

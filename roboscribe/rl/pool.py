@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -53,6 +53,11 @@ class StartPool:
         present = np.unique(self.episode)
         held = np.isin(self.episode, present[:episodes])
         return self.take(np.flatnonzero(held)), self.take(np.flatnonzero(~held))
+
+    def stressing(self, hard: BoolArray, most: int = 20) -> StartPool:
+        """Repeat the starts that are `hard` (P,) until they are half of all, each `most` times at most."""
+        rows, times = np.flatnonzero(hard), max(1, len(hard) // max(1, int(hard.sum())) - 1)
+        return self.take(np.sort(np.concatenate([np.flatnonzero(~hard), np.repeat(rows, min(times, most))])))
 
     def joined(self, other: StartPool) -> StartPool:
         """Append another pool, whose episodes are counted on from this one's."""

@@ -12,7 +12,7 @@ import numpy as np
 from roboscribe.dsl.interpreter import Segment, segment
 from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
 from roboscribe.dsl.semantics import evaluate
-from roboscribe.dsl.syntax import Exists, Get, Program, Run, Seq, Solved, While
+from roboscribe.dsl.syntax import Exists, Get, Not, Predicate, Program, Run, Seq, Solved, Truth, While
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.config import TrainConfig
@@ -62,10 +62,13 @@ class Setting:
         """The program's controller statements in textual order."""
         return controllers(self.program)
 
-    @property
-    def target(self) -> float:
-        """Success at which a skill is good enough; one that has only been met on the way may be improved later."""
-        return self.config.target if self.solve else self.config.subgoal_target
+    def target(self, run: Run) -> float:
+        """Return the success at which a skill is good enough; one only met on the way may be improved later.
+
+        What a loop repeats for every entity has to succeed as often as all repetitions together.
+        """
+        once = self.config.target if self.solve else self.config.subgoal_target
+        return float(once ** (1 / max(1, self.repetitions(run))))
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -77,6 +80,12 @@ class Setting:
                 runs = tuple(run for run in controllers(part) if run.controller not in seen)
                 found.append(Group(runs, isinstance(part, While)))
         return tuple(found)
+
+    def repetitions(self, run: Run) -> int:
+        """Return for how many entities a loop repeats a controller; 0 outside loops."""
+        loops = [part for part in walk(self.program) if isinstance(part, While) and run in controllers(part.body)]
+        kinds = [part.guard.type for part in loops if isinstance(part.guard, Get)]
+        return sum(len(self.task.layout.of_type(kind)) for kind in kinds)
 
     def invariant(self, run: Run) -> Invariant | None:
         """Return what the loop around a controller, or the last one before it, brings about for each entity."""
@@ -114,15 +123,23 @@ class Setting:
         """Return a seed of its own for one purpose."""
         return int(self.draw(name).integers(2**31))
 
-    def is_last(self, run: Run) -> bool:
-        """Tell whether `run` is the last statement of a program that is to bring ψ_R about, not only its own φ."""
+    def onward(self, run: Run) -> Predicate:
+        """Return where the program goes on after `run`; the last statement is to bring ψ_R about, not only its own φ.
+
+        The last statement of a loop that comes last goes on while there is another entity.
+        """
         body = self.program.body
         last = body.parts[-1] if isinstance(body, Seq) and body.parts else body
-        return self.solve and last is run and not isinstance(run.until, Solved)
+        if not self.solve or isinstance(run.until, Solved):
+            return Truth()
+        if isinstance(last, While) and isinstance(last.guard, Get) and controllers(last.body)[-1] is run:
+            get = last.guard
+            return Exists(get.var, get.type, get.where)
+        return Not(Truth()) if last is run else Truth()
 
     def title(self, run: Run) -> str:
         """Return the name under which a skill's progress is kept."""
-        return f"{run.controller}.last" if self.is_last(run) else run.controller
+        return run.controller if self.onward(run) == Truth() else f"{run.controller}.last"
 
     def subtask(self, run: Run) -> Subtask:
         """Say what is asked of a skill: its step limit and the units of its reward come from the demonstrations."""
@@ -132,7 +149,7 @@ class Setting:
             variables=run_variables(run),
             limit=self.limits.get(run.controller, self.task.horizon),
             confirm=self.config.confirm,
-            maintain=self.is_last(run),
+            onward=self.onward(run),
             scales=self.scales(run),
             invariant=self.invariant(run),
         )

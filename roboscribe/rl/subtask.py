@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from roboscribe.dsl.semantics import Binding, holds
-from roboscribe.dsl.syntax import Predicate, Solved
+from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
 from roboscribe.reward import reward
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.protocols import Task
@@ -40,7 +40,7 @@ class Subtask:
         variables: names of the entities a start state binds, in order.
         limit: control steps allowed.
         confirm: consecutive steps for which φ must hold.
-        maintain: the last skill of a program is to bring ψ_R about, so reaching φ does not end it; ψ_R does.
+        onward: where it is true the program goes on once φ is reached; elsewhere it is over, and ψ_R is wanted, too.
         scales: unit of each atom's margin, by the text of its left term.
         invariant: what a loop around the skill brings about, one entity after the other; what stands must stay.
     """
@@ -50,7 +50,7 @@ class Subtask:
     variables: tuple[str, ...]
     limit: int
     confirm: int = 3
-    maintain: bool = False
+    onward: Predicate = field(default_factory=Truth)
     scales: Mapping[str, float] = field(default_factory=dict)
     invariant: Invariant | None = None
 
@@ -61,8 +61,8 @@ class Subtask:
 
     @property
     def needed(self) -> int:
-        """Consecutive steps on which `achieved` must be true: ψ_R counts at once."""
-        return 1 if self.opaque or self.maintain else self.confirm
+        """Consecutive steps on which `achieved` must be true: ψ_R alone counts at once."""
+        return 1 if self.opaque or self.onward == Not(Truth()) else self.confirm
 
     def binding(self, entities: IntArray) -> Binding:
         """Bind the variables to the columns of entities (R, n)."""
@@ -74,8 +74,9 @@ class Subtask:
         return np.broadcast_to(found, states.shape[:1])
 
     def achieved(self, states: FloatArray, entities: IntArray) -> BoolArray:
-        """Evaluate what the skill is measured by: φ, or ψ_R for the last skill of a program; returns (R,)."""
-        return self.task.solved(states) if self.maintain else self.holds(states, entities)
+        """Evaluate what the skill is measured by: φ where the program goes on, else ψ_R; returns (R,)."""
+        onward = holds(self.onward, states, {}, self.task.layout, self.task.solved)
+        return np.where(onward, self.holds(states, entities), self.task.solved(states))
 
     @cached_property
     def others(self) -> IntArray:

@@ -18,7 +18,7 @@ from roboscribe.rl.ppo import Learned, LearnerTask, Log, train_ppo
 from roboscribe.rl.sac import train_sac
 from roboscribe.rl.setting import Setting
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import Judge
+from roboscribe.rl.skill_env import Judge, evaluate_skill
 from roboscribe.rl.warm_start import clone_frames, clone_states
 from roboscribe.world.protocols import Task
 from roboscribe.world.trajectory import Trajectory
@@ -215,14 +215,17 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     spent += judge.world.control_steps
     rim.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
-    if rate >= setting.target or not turn.reinforce:
+    target = setting.target(run)
+    if rate >= target or not turn.reinforce:
         return warm, report
 
     def log(metrics: Mapping[str, float], step: int) -> None:
         rim.log(run.controller, metrics, spent + step)
 
+    tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
+    spent += tried.control_steps
     budget = _budget(setting, run)
-    task = LearnerTask(judge.subtask, pool, judge, setting.target, budget)
+    task = LearnerTask(judge.subtask, pool.stressing(~tried.success), judge, target, budget)
     learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
@@ -264,7 +267,7 @@ def _warm_start(
     if learner == "initial" and (cloned := _clone(setting, run, fresh, pool, judge)) is not None:
         return *cloned, "clone"
     rate = judge(known).rate
-    if learner == "kept" and rate < setting.target:
+    if learner == "kept" and rate < setting.target(run):
         cloned = _clone(setting, run, fresh, pool, judge)
         if cloned is not None and cloned[1] > rate:
             return *cloned, "clone"

@@ -10,6 +10,7 @@ one product of matrices.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -148,11 +149,14 @@ def _exists(atoms: Atoms, body: Predicate, cost: int, truth: BoolArray) -> Liter
 
 
 def _counted(atoms: Atoms, positive: BoolArray) -> tuple[Atoms, FloatArray, FloatArray]:
-    """Keep one of all examples on which every atom is equally true; count the positive and negative ones of each."""
+    """Keep one of all examples on which every atom is equally true; count the positive and negative ones of each.
+
+    Counts are float32, exact up to 16 million, because their products are the whole cost of a search.
+    """
     atoms, kinds = _distinct_examples(atoms, len(positive))
     count = kinds.max(initial=-1) + 1
     positives, negatives = (np.bincount(kinds[label], minlength=count) for label in (positive, ~positive))
-    return atoms, positives.astype(np.float64), negatives.astype(np.float64)
+    return atoms, positives.astype(np.float32), negatives.astype(np.float32)
 
 
 def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
@@ -175,7 +179,7 @@ class _Door:
 
     Args:
         literals: what conjunctions are made of.
-        positives: (X,) how many positive examples there are of each kind.
+        positives: (X,) float32, how many positive examples there are of each kind.
         negatives: (X,) how many negative ones.
         tolerance: share of either that may be judged wrongly.
         budget: most candidates.
@@ -187,13 +191,14 @@ class _Door:
     tolerance: float
     budget: int
     candidates: int = 0
+    least: int = sys.maxsize
     found: list[tuple[int, float, tuple[int, ...]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
-        tables = np.array([p.truth for p in self.literals], dtype=np.float64).reshape(len(self.literals), -1)
-        missed = (self.positives.sum() - tables @ self.positives) / max(1.0, float(self.positives.sum()))
-        kept = np.flatnonzero(missed <= self.tolerance)
+        self.shown, self.hidden = float(self.positives.sum()), float(self.negatives.sum())
+        tables = np.array([p.truth for p in self.literals], dtype=np.float32).reshape(len(self.literals), -1)
+        kept = np.flatnonzero(tables @ self.positives >= self.shown - self._errors(self.shown))
         self.literals = [self.literals[i] for i in kept]
         self.tables = tables[kept]
         self.costs = np.array([p.cost for p in self.literals], dtype=np.int64)
@@ -208,18 +213,24 @@ class _Door:
     def judge(self, beginning: tuple[int, ...], length: int) -> None:
         """Judge the conjunctions of `length` literals that begin with all but the last two, or with none."""
         after = beginning[-1] + 1 if beginning else 0
-        head = self.tables[list(beginning)].prod(axis=0)
-        tails = self.tables[after:]
-        others = tails if length > 1 else np.ones_like(tails[:1])
-        new = np.triu(np.ones((len(tails), len(tails)), dtype=np.bool_), 1) if length > 1 else np.ones((1, len(tails)))
-        shown, hidden = float(self.positives.sum()), float(self.negatives.sum())
-        missed = (shown - (others * head * self.positives) @ tails.T) / max(1.0, shown)
-        accepted = (others * head * self.negatives) @ tails.T / max(1.0, hidden)
-        self.candidates += int(new.sum())
-        for i, j in np.argwhere((missed <= self.tolerance) & (accepted <= self.tolerance) & (new > 0)):
+        head, tails, price = self.tables[list(beginning)].prod(axis=0), self.tables[after:], self.costs[after:]
+        others, prices = (tails, np.add.outer(price, price)) if length > 1 else (np.ones_like(tails[:1]), price[None])
+        self.candidates += len(tails) * (len(tails) - 1) // 2 if length > 1 else len(tails)
+        kept = (others * (head * self.positives)) @ tails.T
+        accepted = (others * (head * self.negatives)) @ tails.T
+        costs = prices + self.costs[list(beginning)].sum()
+        fit = (kept >= self.shown - self._errors(self.shown)) & (accepted <= self._errors(self.hidden))
+        fit = np.triu(fit, 1) if length > 1 else fit
+        self.least = min(self.least, int(costs.min(initial=self.least, where=fit)))
+        for i, j in np.argwhere(fit & (costs <= self.least)):
             chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
-            wrong = round(float(missed[i, j] + accepted[i, j]), 12)
-            self.found.append((int(self.costs[list(chosen)].sum()), wrong, chosen))
+            missed = 1.0 - float(kept[i, j]) / max(1.0, self.shown)
+            wrong = round(missed + float(accepted[i, j]) / max(1.0, self.hidden), 12)
+            self.found.append((self.least, wrong, chosen))
+
+    def _errors(self, examples: float) -> float:
+        """Return how many of so many examples may be judged wrongly."""
+        return float(np.floor(self.tolerance * examples + 1e-9))
 
     def cheapest(self) -> Predicate | None:
         """Return the cheapest candidate found, then the most accurate, then the first by its text."""

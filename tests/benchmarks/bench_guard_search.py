@@ -1,10 +1,10 @@
-"""Candidates per second of the loop-guard search beside a plain interpreter on the same candidates.
+"""Candidates per second of the loop-guard search beside a plain interpreter on the same candidates, and its growth.
 
     python -m tests.benchmarks.bench_guard_search
 
-Both see the examples that demonstrations of a tower of four give. The search judges every conjunction of up to three
-literals; the interpreter walks the syntax of a sample of the same conjunctions, example by example, as one would write
-it first. Their truth tables are compared bit by bit. Processor time, so that other programs hardly matter.
+Both see the examples that demonstrations of a tower give. The search judges every conjunction of up to three literals;
+the interpreter walks the syntax of a sample of the same conjunctions, example by example, as one would write it first.
+Their truth tables are compared bit by bit. Processor time, so that other programs hardly matter.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ from roboscribe.dsl.syntax import (
     Term,
     Truth,
 )
-from roboscribe.envs.point_world import POINT_TASKS
+from roboscribe.envs.point_world import PointTask
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import Examples, guard_atoms, loop_examples
 from roboscribe.search.topdown import Atoms, enumerate_conjunctions, literals
 from roboscribe.subtask_tree import ROOT, TRUE, Node, Tree
 from roboscribe.world.layout import ROBOT, BoolArray, FloatArray, Layout
 
-TASK = POINT_TASKS["point-tower-4"]
 EPISODES = 20
-SAMPLE = 30
-EXAMPLES = 1000
+SAMPLE = 6
+SIZES = ((5, 1_000), (5, 3_000), (5, 10_000), (5, 30_000), (3, 10_000), (4, 10_000), (6, 10_000), (7, 10_000))
+"""Objects and examples."""
 TOLERANCE = 0.02
 AT = Node("at", parse_predicate("‖b1↓xz − g(b1)↓xz‖ < 0.04"), circular=True)
 HOLD = Node("hold", parse_predicate("‖μ↓xz − b1↓xz‖ < 0.02"))
@@ -104,7 +104,7 @@ def true(p: Predicate, row: FloatArray, names: dict[str, int], layout: Layout) -
             assert_never(p)
 
 
-def sample(atoms: Atoms, examples: Examples) -> list[tuple[Predicate, BoolArray]]:
+def sample(atoms: Atoms) -> list[tuple[Predicate, BoolArray]]:
     """Draw conjunctions of one to three literals, with the table (X,) that the search gives them."""
     rng = np.random.default_rng(0)
     table = literals(atoms)
@@ -115,7 +115,7 @@ def sample(atoms: Atoms, examples: Examples) -> list[tuple[Predicate, BoolArray]
     ]
 
 
-def plain(candidates: list[tuple[Predicate, BoolArray]], examples: Examples) -> float:
+def plain(candidates: list[tuple[Predicate, BoolArray]], examples: Examples, layout: Layout) -> float:
     """Interpret candidates on every example; returns candidates per second.
 
     Raises:
@@ -124,18 +124,19 @@ def plain(candidates: list[tuple[Predicate, BoolArray]], examples: Examples) -> 
     start = process_time()
     for predicate, table in candidates:
         pairs = zip(examples.states, examples.entities.tolist(), strict=True)
-        slow = [true(predicate, row, {"b1": entity}, TASK.layout) for row, entity in pairs]
+        slow = [true(predicate, row, {"b1": entity}, layout) for row, entity in pairs]
         if not np.array_equal(slow, table):
             msg = f"{predicate}: the tables differ in {int(np.sum(slow != table))} of {len(table)} examples"
             raise RuntimeError(msg)
     return len(candidates) / (process_time() - start)
 
 
-def main() -> None:
-    """Print the table."""
-    evidence = Evidence.of(TASK.demonstrate(EPISODES, 0), TASK.solved)
+def measure(objects: int, count: int) -> str:
+    """Search, and interpret a sample, for a tower of `objects` on `count` examples; returns a line of the table."""
+    task = PointTask(f"point-tower-{objects}", ("block",) * objects, goals="stack", order="height", horizon=600)
+    evidence = Evidence.of(task.demonstrate(EPISODES, 0), task.solved)
     examples = loop_examples(evidence, AT.predicate)
-    examples = examples[:: len(examples.entities) // EXAMPLES]
+    examples = examples[np.linspace(0, len(examples.entities) - 1, count).astype(np.int64)]
     start = process_time()
     atoms = guard_atoms(examples, evidence, "b1", (AT.predicate,))
     tabulated = process_time()
@@ -144,15 +145,23 @@ def main() -> None:
     # Without positive examples no literal rejects any, so all stay in play and the whole space is judged.
     everything = enumerate_conjunctions(atoms, np.zeros_like(examples.positive), 0.0)
     done = process_time()
-    slow = plain(sample(atoms, examples), examples)
+    slow = plain(sample(atoms), examples, task.layout)
     fast = everything.candidates / (done - asked)
+    return (
+        f"{objects:8}{count:10,}{tabulated - start:9.2f}{asked - tabulated:9.2f}{everything.candidates:14,}"
+        f"{fast:14,.0f}{slow:14,.2f}  {found.best}\n"
+    )
+
+
+def main() -> None:
+    """Print the table."""
     out = sys.stdout.write
-    out(f"Loop guard of a tower of four, {len(examples.entities)} examples, one processor\n")
-    out(f"found in {asked - start:.2f} s, of which {tabulated - start:.2f} s evaluate atoms: {found.best}\n")
-    out(f"{'':28}{'candidates':>14}{'candidates/s':>16}\n")
-    out(f"{'plain interpreter':28}{SAMPLE:14,}{slow:16,.1f}\n")
-    out(f"{'search':28}{everything.candidates:14,}{fast:16,.0f}\n")
-    out(f"the search is {fast / slow:,.0f} times faster; all {SAMPLE} truth tables are identical\n")
+    out(f"Loop guard of a tower, one processor; truth tables of {SAMPLE} candidates a row compared bit by bit\n")
+    out(f"{'objects':>8}{'examples':>10}{'atoms s':>9}{'guard s':>9}{'candidates':>14}")
+    out(f"{'search /s':>14}{'plain /s':>14}  guard\n")
+    for objects, count in SIZES:
+        out(measure(objects, count))
+        sys.stdout.flush()
 
 
 if __name__ == "__main__":

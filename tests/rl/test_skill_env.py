@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from carry_world import AT, HOLD, PROGRAM, Carry, Direct
 
-from roboscribe.dsl.syntax import Solved
+from roboscribe.dsl.syntax import Not, Solved, Truth
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import SkillEnv, evaluate_skill
 from roboscribe.rl.starts import Prefix, collect_starts
@@ -76,7 +76,7 @@ def test_divergence_ends_as_a_failure_that_costs() -> None:
 
 
 def test_the_last_skill_goes_on_until_the_task_is_solved() -> None:
-    last = Subtask(TASK, AT, ("b",), 20, maintain=True)
+    last = Subtask(TASK, AT, ("b",), 20, onward=Not(Truth()))
     almost = np.array([[0.23, 0.3, 0.23, 0.3, 0.3, 0.3]])
     made = env(last, almost)
     for _ in range(4):
