@@ -124,6 +124,7 @@ def synthesize(
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
     from pipelines.chain import Plan
     from pipelines.home import Home
+    from pipelines.programs import spell_success
     from pipelines.session import Session
     from pipelines.story import Story
     from roboscribe.errors import Fail
@@ -141,7 +142,7 @@ def synthesize(
         result = session.run(story.audience())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
-    _say(_rate(result))
+    _say(f"success {spell_success(result)} episodes, 95 % interval")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
     _say(f"program {result['program_dir']}\nMLflow run {result['mlflow_run_id']}")
     _write(json, result)
@@ -160,13 +161,13 @@ def evaluate(
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
     from pipelines.home import Home
-    from pipelines.programs import evaluation, open_program, program_directory
+    from pipelines.programs import evaluation, open_program, program_directory, spell_success
     from stages.evaluate import Config
 
     with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
         opened, where = open_program(directory, task, contact, timing)
         result = evaluation(opened, Config(where, seed, episodes), report)
-    _say(f"{where.name}: {_rate(result)}")
+    _say(f"{where.name}: success {spell_success(result)} episodes, 95 % interval")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     _write(json, result)
 
@@ -320,12 +321,6 @@ def _bar() -> Iterator[Report]:
 
     with Bar(console) as bar:
         yield bar.watch
-
-
-def _rate(result: Mapping[str, Json]) -> str:
-    """Spell a success rate with its interval."""
-    rate, low, high = (float(str(result[name])) for name in ("success", "ci_low", "ci_high"))
-    return f"success {rate:.1%} (95 % interval {low:.1%} to {high:.1%}) in {result['episodes']} episodes"
 
 
 def _say(line: str) -> None:

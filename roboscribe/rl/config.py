@@ -137,6 +137,7 @@ class PoolConfig:
     Args:
         starts: starts to collect for training.
         evaluation: held-out starts for evaluation.
+        in_loops: times as many of either in loops, where more is asked of a skill.
         opaque: either, for the cheap attempt on ψ_R itself.
         attempts: episodes run at most, per start asked for.
         screening: held-out starts after which a hopeless candidate is dropped without trying the others.
@@ -144,8 +145,9 @@ class PoolConfig:
         batch: rows stepped at once.
     """
 
-    starts: int = 800
-    evaluation: int = 400
+    starts: int = 400
+    evaluation: int = 200
+    in_loops: int = 2
     opaque: int = 32
     attempts: int = 3
     screening: int = 50

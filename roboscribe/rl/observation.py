@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from roboscribe.dsl.rewrite import run_variables
 from roboscribe.dsl.syntax import Goal, Robot, Run, Var
 from roboscribe.errors import ArtifactError
-from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout
+from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout, ObjectType
 
 DEFAULT_UNITS = ("m", "rad", "1")
 """Units of the attributes a controller sees: positions, openings, angles; no quaternions."""
@@ -30,8 +30,10 @@ FINE_SCALES = (0.1, 0.05, 0.025, 0.0125)
 """Scales in metres of the clipped copies of small differences."""
 FINE_CLIP = 2.0
 """Bound of a fine copy, in its scale."""
+LEAST_SPREADS = {"m": 0.01, "rad": 0.1}
+"""Least standard deviation by which a feature is divided, by unit: what demonstrations hardly vary must not explode."""
 LEAST_SPREAD = 1e-3
-"""Least standard deviation by which a feature is divided: nearly constant features must not explode."""
+"""The same for other units."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,9 @@ class ObservationSpec:
 
     def fitted(self, layout: Layout, states: FloatArray, entities: IntArray) -> ObservationSpec:
         """Return the spec with mean and spread taken from states (R, F) and entities (R, n)."""
-        raw = Encoder(self, layout).raw(states, entities)
-        spread = np.maximum(raw.std(axis=0), LEAST_SPREAD)
+        encoder = Encoder(self, layout)
+        raw = encoder.raw(states, entities)
+        spread = np.maximum(raw.std(axis=0), encoder.least_spread)
         return replace(self, mean=tuple(raw.mean(axis=0).tolist()), std=tuple(spread.tolist()))
 
     def to_json(self) -> dict[str, object]:
@@ -193,11 +196,26 @@ class Encoder:
                 place = self.layout.columns[ROBOT, part.attribute, part.goal]
                 found.append((ROBOT, np.arange(place.start, place.stop)[None]))
             else:
-                kind = self.layout.types[self.spec.types[part.slot]]
-                width = next(a.width for a in kind.described(part.goal) if a.name == part.attribute)
+                width = next(a.width for a in self._kind(part).described(part.goal) if a.name == part.attribute)
                 starts = self.layout.starts(part.attribute, part.goal)
                 found.append((part.slot, starts[:, None] + np.arange(width)))
         return tuple(found)
+
+    @cached_property
+    def least_spread(self) -> FloatArray:
+        """Least standard deviation of each column of `raw`, (W + D,)."""
+        units = [
+            attribute.unit
+            for part in self.spec.parts
+            for attribute in self._kind(part).described(part.goal)
+            if attribute.name == part.attribute
+        ]
+        ranks = (*self.spec.alone, *(rank for rank, _ in self.spec.pairs))
+        least = [LEAST_SPREADS.get(units[rank], LEAST_SPREAD) for rank in ranks]
+        return np.repeat(least, [self.columns[rank][1].shape[1] for rank in ranks])
+
+    def _kind(self, part: Part) -> ObjectType:
+        return self.layout.robot if part.slot == ROBOT else self.layout.types[self.spec.types[part.slot]]
 
     @cached_property
     def size(self) -> int:

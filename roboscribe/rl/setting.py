@@ -206,8 +206,10 @@ class Setting:
     def pools(self, run: Run, skills: Mapping[str, Skill]) -> tuple[StartPool, StartPool, int]:
         """Run the program up to `run`; returns held-out starts, starts for training, and control steps spent."""
         config, rng = self.config.pool, self.draw(f"{run.controller} starts")
-        cheap = isinstance(run.until, Solved)
-        starts, evaluation = (config.opaque, config.opaque) if cheap else (config.starts, config.evaluation)
+        times = config.in_loops if self.repetitions(run) else 1
+        starts, evaluation = config.starts * times, config.evaluation * times
+        if isinstance(run.until, Solved):
+            starts = evaluation = config.opaque
         rank = next(rank for rank, each in enumerate(self.runs) if each is run)
         prefix = Prefix(self.program, rank, skills, self.limits, self.config.confirm)
         seeds = rng.integers(2**31, size=config.attempts * (starts + evaluation))

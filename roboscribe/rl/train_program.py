@@ -224,8 +224,7 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
 
     tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
     spent += tried.control_steps
-    budget = _budget(setting, run)
-    task = LearnerTask(judge.subtask, pool.stressing(~tried.success), judge, target, budget)
+    task = LearnerTask(judge.subtask, pool.stressing(~tried.success), judge, target, _budget(setting, run))
     learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:

@@ -10,6 +10,7 @@ import pytest
 from roboscribe.envs import demonstrator, tower_layout, tower_moves
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import TaskError
+from roboscribe.evidence import Evidence
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.protocols import Task
 
@@ -189,6 +190,17 @@ def test_the_last_block_is_kept_and_the_others_come_in_order() -> None:
     for done, expected in (([0, 0, 0, 0], 0), ([1, 0, 0, 1], 1), ([1, 1, 1, 0], 3), ([1, 1, 1, 1], 3)):
         flags = np.array([done], dtype=np.bool_)
         assert tower_moves.due(flags, goals(state), keep_last=True)[0] == expected
+
+
+@pytest.mark.parametrize("name", ["tower-3", "pick-place-4"])
+def test_shuffled_blocks_leave_the_demonstrations_as_they_are(name: str) -> None:
+    task = make_task(name)
+    shown = task.demonstrate(4, seed=0)
+    rng = np.random.default_rng(0)
+    shuffled = [t.renamed(tuple(int(i) for i in rng.permutation(task.blocks))) for t in shown]
+    plain, mixed = (Evidence.of(demonstrations, task.solved) for demonstrations in (shown, shuffled))
+    assert not np.array_equal(plain.states, np.concatenate([t.states for t in shuffled]))
+    assert np.array_equal(plain.states, mixed.states)
 
 
 def test_fingers_open_before_the_hand_leaves_a_block() -> None:

@@ -69,7 +69,7 @@ def test_synthesize_from_a_file(command: Command, tmp_path: Path, capsys: pytest
     ):
         assert told in story
     assert result["program"].rstrip() in story
-    assert "success 100.0% (95 % interval 92.9% to 100.0%) in 50 episodes" in story
+    assert "success 100.0 % (92.9 to 100.0) of 50 episodes, 95 % interval" in story
 
 
 def test_evaluate_repeats_the_figures_of_the_synthesis(command: Command, program: Path, tmp_path: Path) -> None:

@@ -98,7 +98,14 @@ def test_programs_are_listed(command: Command, shipped: Path, capsys: pytest.Cap
     assert command("programs") == 0
     listed = capsys.readouterr().out.splitlines()[1].split("  ")
     cells = [cell.strip() for cell in listed if cell.strip()]
-    assert cells == ["carry", "point-pick-place-1", "7", "scripted", "75.0 % (41.0 to 93.0)", f"{size / 1000:.0f} kB"]
+    assert cells == [
+        "carry",
+        "point-pick-place-1",
+        "7",
+        "scripted",
+        "75.0 % (41.0 to 93.0) of 8",
+        f"{size / 1000:.0f} kB",
+    ]
 
 
 def test_a_damaged_shipped_program_is_refused(shipped: Path) -> None:
