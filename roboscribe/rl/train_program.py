@@ -222,9 +222,10 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     def log(metrics: Mapping[str, float], step: int) -> None:
         rim.log(run.controller, metrics, spent + step)
 
-    tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
-    spent += tried.control_steps
-    task = LearnerTask(judge.subtask, pool.stressing(~tried.success), judge, target, _budget(setting, run))
+    if rate > 1 / 2:  # below, hard starts are the most without being repeated
+        tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
+        pool, spent = pool.stressing(~tried.success), spent + tried.control_steps
+    task = LearnerTask(judge.subtask, pool, judge, target, _budget(setting, run))
     learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:

@@ -79,6 +79,15 @@ def test_a_constant_feature_does_not_explode() -> None:
     assert np.isfinite(Encoder(spec, layout(1))(np.zeros((1, 6)), np.zeros((1, 1), int))).all()
 
 
+def test_a_feature_that_hardly_varies_is_not_magnified() -> None:
+    turned = Attribute("rotation", ("rz",), "rad")
+    place = Attribute("position", ("x", "y"))
+    scene = Layout(ObjectType("EE", (place,)), (ObjectType("block", (place, turned), (place,)),))
+    states = np.random.default_rng(0).normal(0, 1e-4, (100, scene.size))
+    spec = observation_spec(HOLD, {"b": "block"}, scene).fitted(scene, states, np.zeros((100, 1), int))
+    assert spec.std == (0.1, 0.01, 0.01), "radians, then metres of the difference"
+
+
 def test_attributes_of_other_units_are_left_out_unless_asked_for() -> None:
     fast = Attribute("velocity", ("vx", "vy"), "m/s")
     place = Attribute("position", ("x", "y"))

@@ -177,6 +177,16 @@ def test_a_prefix_that_never_arrives_gives_an_empty_pool() -> None:
     assert found.entities.shape == (0, 1)
 
 
+def test_hard_starts_are_repeated_until_they_are_half() -> None:
+    starts = pool(np.random.default_rng(0).uniform(size=(8, 6)))
+    hard = np.arange(8) < 2
+    stressed = starts.stressing(hard)
+    assert np.isin(stressed.states[:, 0], starts.states[hard, 0]).mean() == 0.5
+    assert len(np.unique(stressed.states[:, 0])) == 8
+    assert len(starts.stressing(hard, most=2)) == 6 + 2 * 2
+    assert len(starts.stressing(~hard)) == len(starts.stressing(np.zeros(8, np.bool_))) == 8
+
+
 def test_pool_caps_splits_and_joins_by_episode() -> None:
     starts = pool(np.random.default_rng(0).uniform(size=(6, 6)))
     repeated = starts.take(np.array([0, 0, 0, 1, 2, 2]))

@@ -13,7 +13,7 @@ from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import conjunction, rename
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Predicate, Var
-from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, literals, top_down_enum
+from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, literals, strictest_literal, top_down_enum
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, Layout, ObjectType
 
 COUNT = 3
@@ -148,3 +148,16 @@ def test_bound_names_do_not_clash_with_the_entity() -> None:
     assert found is not None
     renamed = rename(found, {"v": "o"})
     assert np.array_equal(holds(renamed, states, {"o": entities}, LAYOUT), positive)
+
+
+def test_the_strictest_literal_refuses_no_positive_and_the_most_negatives() -> None:
+    rng = np.random.default_rng(0)
+    states, entities = examples(rng, 600)
+    table = atoms(states, entities)
+    truth = parse_predicate("¬∃o:block. o↓q < v↓q ∧ ¬(o↓p < 0.5)")
+    fits = about(truth, states, entities)
+    positive = fits & (rng.random(600) < 0.7)
+    found = strictest_literal(table, positive, 0.0)
+    assert np.array_equal(about(found.predicate, states, entities), fits)
+    assert found.refused == pytest.approx(np.mean(~fits[~positive]))
+    assert strictest_literal(table, np.ones(600, np.bool_), 0.0).refused == 0.0
