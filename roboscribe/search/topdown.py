@@ -224,7 +224,7 @@ class _Door:
         self.least = min(self.least, int(costs.min(initial=self.least, where=fit)))
         for i, j in np.argwhere(fit & (costs <= self.least)):
             chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
-            missed = 1.0 - float(kept[i, j]) / max(1.0, self.shown)
+            missed = (self.shown - float(kept[i, j])) / max(1.0, self.shown)
             wrong = round(missed + float(accepted[i, j]) / max(1.0, self.hidden), 12)
             self.found.append((self.least, wrong, chosen))
 
