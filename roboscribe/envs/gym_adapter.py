@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import gymnasium
-import gymnasium_robotics
 import mujoco
 import numpy as np
 
@@ -18,12 +16,18 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.protocols import World
 from roboscribe.world.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    import gymnasium
+
 CONTROL_STEP = 1 / fetch.FREQUENCY
 HAND = "robot0:gripper_link"
 
 
 def make_env(horizon: int) -> gymnasium.Env[dict[str, FloatArray], FloatArray]:
     """Build the environment with its own time limit moved to `horizon` control steps."""
+    import gymnasium
+    import gymnasium_robotics  # prints a notice when it is imported, which has no place in a list of tasks
+
     gymnasium.register_envs(gymnasium_robotics)
     return gymnasium.make("FetchPickAndPlace-v4", max_episode_steps=horizon, disable_env_checker=True)
 
