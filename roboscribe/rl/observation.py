@@ -160,24 +160,27 @@ def observation_spec(
         layout: declares the attributes.
         units: attributes of entities in other units are not seen.
         robot_units: the same for the robot.
-        goals: whether the goals of entities among the arguments are seen, too.
+        goals: whether the goals of entities among the arguments are seen, too, by the robot alone: where it is to
+            leave is not to be confused with where an entity shall go.
 
     Returns:
         Attributes in order of the arguments, and the difference of every two positions (unit m) named alike.
     """
     names = run_variables(run)
     further = [Goal(Var(name)) for name in names if goals and layout.types[types[name]].goal]
-    seen: list[tuple[Part, Attribute]] = []
+    seen: list[tuple[Part, Attribute, bool]] = []
     for arg in dict.fromkeys((*run.args, *further)):
         slot = ROBOT if isinstance(arg, Robot) else names.index(arg.name if isinstance(arg, Var) else arg.of.name)
         kind = layout.robot if isinstance(arg, Robot) else layout.types[types[names[slot]]]
         goal = isinstance(arg, Goal)
         shown = robot_units if slot == ROBOT else units
-        seen += [(Part(slot, a.name, goal), a) for a in kind.described(goal) if a.unit in shown]
+        seen += [(Part(slot, a.name, goal), a, arg in run.args) for a in kind.described(goal) if a.unit in shown]
     alike = [
-        (i, j) for (i, (_, a)), (j, (_, b)) in combinations(enumerate(seen), 2) if a.name == b.name and a.unit == "m"
+        (i, j)
+        for (i, (part, a, _)), (j, (_, b, argument)) in combinations(enumerate(seen), 2)
+        if a.name == b.name and a.unit == "m" and (argument or part.slot == ROBOT)
     ]
-    return ObservationSpec(tuple(types[name] for name in names), tuple(part for part, _ in seen), tuple(alike))
+    return ObservationSpec(tuple(types[name] for name in names), tuple(part for part, *_ in seen), tuple(alike))
 
 
 @dataclass(frozen=True, eq=False)

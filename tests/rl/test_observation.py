@@ -27,6 +27,7 @@ def test_a_controller_sees_its_arguments_and_nothing_else() -> None:
 def test_in_a_loop_goals_are_seen_too() -> None:
     spec = observation_spec(HOLD, {"b": "block"}, layout(2), goals=True)
     assert spec.parts == (Part(ROBOT, "position"), Part(0, "position"), Part(0, "position", goal=True))
+    assert spec.pairs == ((0, 1), (0, 2)), "the robot's distance alone"
     assert observation_spec(AT, {"b": "block"}, layout(2), goals=True) == observation_spec(
         AT, {"b": "block"}, layout(2)
     ), "a goal among the arguments is not seen twice"
