@@ -12,7 +12,7 @@ NAMES = shipped_names()
 
 
 def test_loops_are_shipped() -> None:
-    assert {"pick-place-4", "tower-5"} <= set(NAMES)
+    assert {"pick-place-4", "tower-4", "tower-5"} <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
