@@ -142,7 +142,7 @@ def synthesize(
         result = session.run(story.audience())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
-    _say(f"success {spell_success(result)} episodes, 95 % interval")
+    _say(f"success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
     _say(f"program {result['program_dir']}\nMLflow run {result['mlflow_run_id']}")
     _write(json, result)
@@ -167,7 +167,7 @@ def evaluate(
     with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
         opened, where = open_program(directory, task, contact, timing)
         result = evaluation(opened, Config(where, seed, episodes), report)
-    _say(f"{where.name}: success {spell_success(result)} episodes, 95 % interval")
+    _say(f"{where.name}: success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     _write(json, result)
 

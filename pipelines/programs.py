@@ -60,9 +60,9 @@ def _shipped(name: str) -> Shipped:
 
 
 def spell_success(figures: Mapping[str, Any]) -> str:
-    """Spell a success rate with its 95 % interval, in per cent, and the count of episodes."""
+    """Spell a success rate with its interval, in per cent."""
     success, low, high = (100 * float(figures[name]) for name in ("success", "ci_low", "ci_high"))
-    return f"{success:.1f} % ({low:.1f} to {high:.1f}) of {figures['episodes']}"
+    return f"{success:.1f} % ({low:.1f} to {high:.1f})"
 
 
 @contextmanager
