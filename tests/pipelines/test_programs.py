@@ -103,7 +103,7 @@ def test_programs_are_listed(command: Command, shipped: Path, capsys: pytest.Cap
         "point-pick-place-1",
         "7",
         "scripted",
-        "75.0 % (41.0 to 93.0) of 8",
+        "75.0 % (41.0 to 93.0)",
         f"{size / 1000:.0f} kB",
     ]
 
