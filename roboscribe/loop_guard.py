@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations, product
 
 import numpy as np
@@ -32,32 +33,35 @@ class Examples:
     """(s_t, e_i) pairs of all demonstrations.
 
     Args:
-        states: (X, F).
+        source: (S, F) all states.
+        frames: (X,) row of s_t in `source`.
         entities: (X,) index of e_i.
         positive: (X,) e_i is being handled in s_t.
         done: (X,) e_i was handled before s_t; of the negatives, those that show termination.
         choice: (X,) in s_t the demonstrator turns to another entity, and e_i is it or could have been.
     """
 
-    states: FloatArray
+    source: FloatArray
+    frames: IntArray
     entities: IntArray
     positive: BoolArray
     done: BoolArray
     choice: BoolArray
 
-    def __getitem__(self, rows: BoolArray | slice) -> Examples:
-        """Select examples."""
-        return Examples(self.states[rows], self.entities[rows], self.positive[rows], self.done[rows], self.choice[rows])
+    @cached_property
+    def states(self) -> FloatArray:
+        """Every s_t, (X, F); gathered only when asked for, since a state stands in as many examples as entities."""
+        return self.source[self.frames]
 
-    @classmethod
-    def joined(cls, parts: Sequence[Examples]) -> Examples:
-        """Put examples one after the other; `parts` is not empty."""
-        return cls(
-            np.concatenate([p.states for p in parts]),
-            np.concatenate([p.entities for p in parts]),
-            np.concatenate([p.positive for p in parts]),
-            np.concatenate([p.done for p in parts]),
-            np.concatenate([p.choice for p in parts]),
+    def __getitem__(self, rows: BoolArray | IntArray) -> Examples:
+        """Select examples."""
+        return Examples(
+            self.source,
+            self.frames[rows],
+            self.entities[rows],
+            self.positive[rows],
+            self.done[rows],
+            self.choice[rows],
         )
 
     def thinned(self) -> Examples:
@@ -139,7 +143,8 @@ def entity_choice(evidence: Evidence, entity: str) -> Predicate:
     members = np.array(layout.of_type(evidence.types[entity]), dtype=np.int64)
     entities = np.tile(members, len(starts))
     positive = entities == layout.names.index(entity)
-    shown = Examples(np.repeat(starts, len(members), axis=0), entities, positive, ~positive, np.ones_like(positive))
+    frames = np.repeat(np.arange(len(starts)), len(members))
+    shown = Examples(starts, frames, entities, positive, ~positive, np.ones_like(positive))
     if positive.all():
         return Truth()
     atoms = guard_atoms(shown, evidence, entity, ())
@@ -163,23 +168,26 @@ def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
     (name,) = free_vars(phi)
     members = evidence.layout.of_type(evidence.types[name])
     first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
-    shown = zip(evidence.trajectories, first.T, strict=True)
-    return Examples.joined([_label(t.states[: None if max(f) < NEVER else 0], members, f) for t, f in shown])
+    lengths = [len(t) if max(f) < NEVER else 0 for t, f in zip(evidence.trajectories, first.T, strict=True)]
+    parts = [_label(*shown, members) for shown in zip(evidence.starts, lengths, first.T, strict=True)]
+    frames, entities, positive, done, choice = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Examples(evidence.states, frames, entities, positive, done, choice)
 
 
-def _label(states: FloatArray, members: tuple[int, ...], first: IntArray) -> Examples:
-    """Label every frame of a demonstration with every entity; `first` (N,) says when each satisfied φ."""
+def _label(
+    start: int, length: int, first: IntArray, members: tuple[int, ...]
+) -> tuple[IntArray, IntArray, BoolArray, BoolArray, BoolArray]:
+    """Label every frame of a demonstration with every entity; `first` (N,) says when each satisfied φ.
+
+    Returns:
+        Frame, entity, "is being handled", "was handled" and "could be chosen" of every pair.
+    """
     ends = np.sort(first)
     begins = np.array([0, *ends[:-1]])
-    steps = np.tile(np.arange(len(states)), len(members))
-    begin, end = (np.repeat(x, len(states)) for x in (begins[np.searchsorted(ends, first)], first))
-    return Examples(
-        states=np.tile(states, (len(members), 1)),
-        entities=np.repeat(np.array(members, np.int64), len(states)),
-        positive=(steps >= begin) & (steps < end),
-        done=steps >= end,
-        choice=np.isin(steps, begins[:-1]) & (steps < end),
-    )
+    steps = np.tile(np.arange(length), len(members))
+    begin, end = (np.repeat(x, length) for x in (begins[np.searchsorted(ends, first)], first))
+    choice = np.isin(steps, begins[:-1]) & (steps < end)
+    return start + steps, np.repeat(members, length), (steps >= begin) & (steps < end), steps >= end, choice
 
 
 LEARNED_COST = 1

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from roboscribe.dsl.rewrite import run_variables
 from roboscribe.dsl.syntax import Goal, Robot, Run, Var
 from roboscribe.errors import ArtifactError
-from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout, ObjectType
+from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout
 
 DEFAULT_UNITS = ("m", "rad", "1")
 """Units of the attributes a controller sees: positions, openings, angles; no quaternions."""
@@ -199,26 +199,21 @@ class Encoder:
                 place = self.layout.columns[ROBOT, part.attribute, part.goal]
                 found.append((ROBOT, np.arange(place.start, place.stop)[None]))
             else:
-                width = next(a.width for a in self._kind(part).described(part.goal) if a.name == part.attribute)
                 starts = self.layout.starts(part.attribute, part.goal)
-                found.append((part.slot, starts[:, None] + np.arange(width)))
+                found.append((part.slot, starts[:, None] + np.arange(self._attribute(part).width)))
         return tuple(found)
 
     @cached_property
     def least_spread(self) -> FloatArray:
         """Least standard deviation of each column of `raw`, (W + D,)."""
-        units = [
-            attribute.unit
-            for part in self.spec.parts
-            for attribute in self._kind(part).described(part.goal)
-            if attribute.name == part.attribute
-        ]
         ranks = (*self.spec.alone, *(rank for rank, _ in self.spec.pairs))
-        least = [LEAST_SPREADS.get(units[rank], LEAST_SPREAD) for rank in ranks]
-        return np.repeat(least, [self.columns[rank][1].shape[1] for rank in ranks])
+        seen = [self._attribute(self.spec.parts[rank]) for rank in ranks]
+        least = [LEAST_SPREADS.get(attribute.unit, LEAST_SPREAD) for attribute in seen]
+        return np.repeat(least, [attribute.width for attribute in seen])
 
-    def _kind(self, part: Part) -> ObjectType:
-        return self.layout.robot if part.slot == ROBOT else self.layout.types[self.spec.types[part.slot]]
+    def _attribute(self, part: Part) -> Attribute:
+        kind = self.layout.robot if part.slot == ROBOT else self.layout.types[self.spec.types[part.slot]]
+        return next(a for a in kind.described(part.goal) if a.name == part.attribute)
 
     @cached_property
     def size(self) -> int:

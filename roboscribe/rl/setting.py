@@ -81,6 +81,10 @@ class Setting:
                 found.append(Group(runs, isinstance(part, While)))
         return tuple(found)
 
+    def in_loop(self, run: Run) -> bool:
+        """Tell whether a loop repeats a controller."""
+        return any(group.loop and run in group.runs for group in self.groups)
+
     def repetitions(self, run: Run) -> int:
         """Return for how many entities a loop repeats a controller; 0 outside loops."""
         loops = [part for part in walk(self.program) if isinstance(part, While) and run in controllers(part.body)]
@@ -191,8 +195,7 @@ class Setting:
         In a loop goals are seen, too: a controller takes over where the last entity was served, and has to leave it.
         """
         types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
-        loops = any(group.loop and run in group.runs for group in self.groups)
-        return observation_spec(run, types, self.task.layout, *units, goals=loops)
+        return observation_spec(run, types, self.task.layout, *units, goals=self.in_loop(run))
 
     def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
         """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
@@ -206,7 +209,7 @@ class Setting:
     def pools(self, run: Run, skills: Mapping[str, Skill]) -> tuple[StartPool, StartPool, int]:
         """Run the program up to `run`; returns held-out starts, starts for training, and control steps spent."""
         config, rng = self.config.pool, self.draw(f"{run.controller} starts")
-        times = config.in_loops if self.repetitions(run) else 1
+        times = config.in_loops if self.in_loop(run) else 1
         starts, evaluation = config.starts * times, config.evaluation * times
         if isinstance(run.until, Solved):
             starts = evaluation = config.opaque

@@ -75,6 +75,8 @@ class Subtask:
 
     def achieved(self, states: FloatArray, entities: IntArray) -> BoolArray:
         """Evaluate what the skill is measured by: φ where the program goes on, else ψ_R; returns (R,)."""
+        if self.onward == Truth():  # as for most skills, at every step of their training
+            return self.holds(states, entities)
         onward = holds(self.onward, states, {}, self.task.layout, self.task.solved)
         return np.where(onward, self.holds(states, entities), self.task.solved(states))
 
