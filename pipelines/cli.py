@@ -60,6 +60,7 @@ class Engine(StrEnum):
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
 TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
 PROGRAM_HELP = "a program's directory, an MLflow run id, or a name that `roboscribe programs` lists"
+STYLE_HELP = "default, brisk, slow, topdown, pauses, detours, clumsy, stop (at success), linger (after it) or mixed"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
@@ -90,8 +91,10 @@ def tasks() -> None:
 def demos(
     task: TaskName,
     out: Annotated[Path, typer.Option("--out", help="Parquet file to write")],
-    episodes: Annotated[int, typer.Option(min=1, help="successful demonstrations to collect")] = 50,
+    episodes: Annotated[int, typer.Option(min=1, help="demonstrations to collect")] = 50,
     seed: Seed = 0,
+    style: Annotated[str, typer.Option(help=STYLE_HELP)] = "default",
+    failing: Annotated[float, typer.Option(min=0, max=0.5, help="share of them that ends without success")] = 0.0,
     contact: Contact = "stable",
     timing: Timing = "fast",
 ) -> None:
@@ -99,7 +102,7 @@ def demos(
     from stages.collect import Config, collect
     from stages.world import TaskConfig
 
-    config = Config(TaskConfig(task, contact, timing), episodes, seed)
+    config = Config(TaskConfig(task, contact, timing), episodes, seed, style, failing)
     _make_room(out)
     with _bar() as report:
         digest = collect(config, out, report)

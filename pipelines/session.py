@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, assert_never
 
 from pipelines.audience import Audience
 from pipelines.chain import Plan, Synthesized, chain, program_name
@@ -18,7 +18,20 @@ from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
 from stages.code_version import code_version
-from stages.events import Event, RolledOut, Trained
+from stages.events import (
+    Abandoned,
+    Evaluated,
+    Event,
+    Failed,
+    Filmed,
+    Ingested,
+    Packaged,
+    Programmed,
+    Refined,
+    Removed,
+    RolledOut,
+    Trained,
+)
 from stages.progress import Progress
 from stages.settings import encode
 from stages.store import AnyStage, Inputs, Store, locked
@@ -45,6 +58,20 @@ class Tally:
                 self.env_steps += sum(int(report["control_steps"]) for report in reports)
             case RolledOut(_, counts, _):
                 self.env_steps += int(counts["control_steps"])
+            case (
+                Ingested()
+                | Programmed()
+                | Refined()
+                | Abandoned()
+                | Removed()
+                | Evaluated()
+                | Packaged()
+                | Filmed()
+                | Failed()
+            ):
+                pass
+            case _:
+                assert_never(event)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, assert_never
 
 from rich.console import Console
 from rich.table import Table
@@ -14,17 +14,18 @@ from pipelines.bar import Bar
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.printer import pretty, text
 from roboscribe.dsl.rewrite import controllers
-from roboscribe.search.predicates import Candidate
+from roboscribe.search.candidates import Candidate
 from stages.events import (
+    Abandoned,
     Evaluated,
     Event,
     Failed,
     Filmed,
-    Grown,
     Ingested,
     Packaged,
     Programmed,
     Refined,
+    Removed,
     RolledOut,
     Trained,
 )
@@ -59,16 +60,29 @@ class Story(Bar):
                     self.say(f"  {_trained(report)}")
             case RolledOut(goal, counts, _):
                 self.say(f"  {self._tried} reached {goal} in {counts['successes']} of {counts['episodes']} episodes")
-            case Refined(refinement, _):
-                self._refined(refinement)
+            case Refined() | Abandoned() | Removed():
+                self._decided(event)
             case Failed(reason):
                 self.say(f"FAIL: {reason}", "bold red")
             case Packaged(program, _, _):
                 self.say("")
                 self.say(pretty(program).rstrip(), "bold")
                 self.say("")
-            case Evaluated() | Grown() | Filmed():
+            case Evaluated() | Filmed():
                 pass
+            case _:
+                assert_never(event)
+
+    def _decided(self, event: Refined | Abandoned | Removed) -> None:
+        match event:
+            case Refined():
+                self._refined(event)
+            case Abandoned(reason):
+                self.say(f"another line is taken up, for {reason}", "yellow")
+            case Removed(subgoal, success):
+                self.say(f"{subgoal} is taken out again: without it {success:.0%} of the episodes succeed", "cyan")
+            case _:
+                assert_never(event)
 
     def _ingested(self, report: Mapping[str, Any], profile: str) -> None:
         actions = "with actions" if report["actions"] else "states only"
@@ -77,14 +91,15 @@ class Story(Bar):
         for line in report["report"]:
             self.say(f"  {line}", "yellow")
 
-    def _refined(self, refinement: Refinement) -> None:
+    def _refined(self, event: Refined) -> None:
         self._refinements += 1
-        node = refinement.node
+        refinement, node = event.refinement, event.refinement.node
         head = f"refinement {self._refinements}: {node.name} ≡ {text(node.predicate)}, a subgoal of {refinement.psi}"
         self.say(head, "bold cyan")
         self.say(f"  because {why(refinement)}")
-        for moved in refinement.moved:
-            self.say(f"  {moved.name} ≡ {text(moved.predicate)} from here on, to fit the other entities")
+        for phi, why_not in refinement.passed_over:
+            self.say(f"  passed over {phi}: {why_not}", "dim")
+        self.say(f"  its program explains {event.explained} of {event.demonstrations} demonstrations")
         if len(refinement.table) > 1:
             self.console.print(ranked_table(refinement.table))
 
@@ -92,15 +107,12 @@ class Story(Bar):
 def why(refinement: Refinement) -> str:
     """Say in one line why a subgoal was chosen."""
     psi, count = refinement.psi, refinement.negatives
-    if refinement.reused:
-        return f"before {psi} it holds again, for another entity, and in none of {count} failing states: a loop"
-    if not refinement.table:
-        return f"it alone tells {refinement.positives} states before {psi} from {count} failing ones"
-    best = refinement.table[0]
+    chosen = next(c for c in refinement.table if c.predicate == refinement.node.predicate)
+    loop = "one entity after the other is brought to it: a loop; " if chosen.each else ""
     return (
-        f"it holds right before {psi} in all {refinement.positives} demonstrations, and in {best.accepted:.1%} of "
-        f"{count} failing states; it is first reached {best.first:.0%} into a demonstration, stays true in "
-        f"{best.kept:.0%} of the rest, and holds at the start of {best.initial:.0%}"
+        f"{loop}it holds where the demonstrations reach {psi} ({refinement.positives} times), and in "
+        f"{chosen.accepted:.1%} of {count} failing states; it is first reached {chosen.first:.0%} on the way, stays "
+        f"true in {chosen.kept:.0%} of the rest, and holds at the start of {chosen.initial:.0%}"
     )
 
 

@@ -2,29 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import rename, walk
-from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import And, Const, Greater, Less, Predicate, Term
+from roboscribe.dsl.rewrite import free_vars, rename, walk
+from roboscribe.dsl.semantics import holds
+from roboscribe.dsl.syntax import Term
 from roboscribe.errors import Fail
-from roboscribe.evidence import Evidence
+from roboscribe.evidence import Crossings, Evidence
+from roboscribe.search.candidates import Anchor, Candidate, Samples
 from roboscribe.search.decision_tree import learn_decision_tree
-from roboscribe.search.features import enumerate_features
+from roboscribe.search.features import Feature, enumerate_features
 from roboscribe.search.naming import name_predicate
-from roboscribe.search.predicates import Anchor, Candidate, Samples, bound, rank_predicates
-from roboscribe.subtask_tree import NEVER, Node, Tree
+from roboscribe.search.predicates import rank_predicates
+from roboscribe.search.recurring import Pairs, recurring_candidates
+from roboscribe.subtask_tree import ROOT, Node, Place, Tree
 from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.trajectory import AGREEMENT, NEVER
 
-REUSE_MISSES = 0.1
-"""Share of P_s in which a reused predicate may be false: its threshold was learned from another entity."""
-REUSE_ACCEPTS = 0.02
-"""Share of N_s on which a reused predicate may be true."""
 MOST_NEGATIVES = 6_000
 """Negatives beyond this many are thinned evenly."""
+LEAST_NEGATIVES = 50
+"""Negatives on which a predecessor holds, from which on the others do not count."""
 
 
 @dataclass(frozen=True)
@@ -33,168 +34,180 @@ class Refinement:
 
     Args:
         psi: name of the goal that could not be reached.
-        node: the subgoal φ; when φ is reused an existing node of the tree, its thresholds perhaps moved.
-        reused: whether φ is an existing predecessor that recurs with another entity.
-        table: every separating predicate considered, best first (empty when reused).
+        node: the subgoal φ, circular where it is a loop's.
+        table: every predicate considered, best first.
         positives: count of P_s.
         negatives: count of N_s.
-        moved: when φ is reused, further nodes about its entity, with thresholds that fit the other entities, too.
+        place: where φ stands among the subgoals that lead to ψ.
+        passed_over: better-ranked predicates that were not taken, and why.
     """
 
     psi: str
     node: Node
-    reused: bool
     table: tuple[Candidate, ...]
     positives: int
     negatives: int
-    moved: tuple[Node, ...] = ()
+    place: Place = field(default_factory=Place)
+    passed_over: tuple[tuple[str, str], ...] = ()
 
 
 def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Refinement | Fail:
-    """Learn a predicate φ that holds just before ψ in the demonstrations and never in failing rollouts.
+    """Learn a predicate φ that holds when ψ is reached in the demonstrations and never in failing rollouts.
 
     Args:
-        negatives: (M, F), N_s, all states of all failing rollouts, named by the order in which the program binds.
+        negatives: (M, F), N_s, states of failing rollouts, named as in the tree.
         evidence: demonstrations, from which P_s is taken.
         tree: T.
         psi: name of the goal ψ.
 
     Returns:
-        The refinement, or Fail when no predicate of the grammar separates the samples.
+        The refinement with the best φ; its table lists the others, see `alternative`. Fail when no predicate of the
+        grammar separates the samples.
 
     Source:  Algorithm 3.
-    Departs: the lift of line 2 ranges over entities other than those the program already handles; an exact ranked
-        search over single atoms, over what one atom adds to a predecessor, and over pairs comes before the decision
-        tree; negatives on which the learned predecessor does not hold are told apart by it already and do not count.
+    Departs: evidence is every (demonstration, entity) pair that plays ψ's role, so that a loop is found at once and
+        not when a predicate recurs (line 2); an exact ranked search over single atoms, over what one atom adds to a
+        predecessor, and over pairs comes before the decision tree; negatives on which the learned predecessor does
+        not hold are told apart by it already and do not count.
     """
-    positives = evidence.states_before(tree.node(psi).predicate)
-    if not len(positives):
+    crossings = evidence.crossings(tree, psi)
+    if not len(crossings.starts):
         return Fail(f"no demonstration reaches {psi}, so there is nothing to compare failures with")
-    negatives = negatives[:: len(negatives) // MOST_NEGATIVES + 1]
-    reused = _recurring(positives, negatives, evidence, tree, psi)
-    if reused is not None:
-        moved = _moved(evidence, tree, reused)
-        return Refinement(psi, reused, True, (), len(positives), len(negatives), moved)
+    negatives = _comparable(negatives[:: len(negatives) // MOST_NEGATIVES + 1], evidence, tree, psi)
     features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
-    samples = _samples(positives, negatives, evidence, tree, psi)
-    terms = set(walk(tree.node(psi).predicate))
-    copied = frozenset(f.family for f in features if f.term in terms)
-    samples = replace(samples, goal_families=copied, goal_entities=frozenset(tree.node(psi).entities))
-    table = rank_predicates(features, samples)
+    samples = _samples(crossings, negatives, evidence, tree, psi, features)
+    table = rank_predicates(features, samples, list(_recurring(samples, evidence, tree, psi)))
     if not table or not table[0].separates:
         table = (*learn_decision_tree(features, samples), *table)
-    if not table or not table[0].separates:
-        best = f"; the best, {table[0].predicate}, accepts {table[0].accepted:.0%} of the failures" if table else ""
-        return Fail(f"no predicate separates the states before {psi} from the failing rollouts{best}")
-    best_name = name_predicate(table[0].predicate, {node.name for node in tree.nodes})
-    node = Node(best_name, table[0].predicate, scales=dict(table[0].scales))
-    return Refinement(psi, node, False, table, len(positives), len(negatives))
+    table = tuple(c for c in table if c.separates and c.advances and not c.copy)
+    if not table:
+        return Fail(
+            f"no predicate of the declared attributes holds in the {len(crossings.starts)} demonstrated states before "
+            f"{psi} and fails in the {len(negatives)} failing ones; an attribute that tells them apart is missing, or "
+            f"the demonstrations show several ways"
+        )
+    return alternative(Refinement(psi, tree.node(psi), table, len(crossings.starts), len(negatives)), 0, evidence, tree)
 
 
-def _recurring(positives: FloatArray, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Node | None:
-    """Line 2: a predecessor of ψ that some unhandled entity of the same type satisfies in P_s and never in N_s.
+def alternative(refinement: Refinement, rank: int, evidence: Evidence, tree: Tree) -> Refinement:
+    """Take the predicate at a rank of the table for the subgoal."""
+    candidate = refinement.table[rank]
+    name = name_predicate(candidate.predicate, {node.name for node in tree.nodes})
+    node = Node(name, candidate.predicate, candidate.each, dict(candidate.scales))
+    return replace(refinement, node=node, place=place_of(node, evidence, tree, refinement.psi))
 
-    Departs: its thresholds, learned from one entity, are moved to where they hold for all those that satisfy it.
+
+def place_of(node: Node, evidence: Evidence, tree: Tree, psi: str) -> Place:
+    """Find where the demonstrations reach a new subgoal of ψ, among those that are there already.
+
+    Source: the order i(D, φ) of Algorithm 5, line 10, within the service of one entity.
     """
+    before = ""
+    waiting = list(tree.predecessors(psi))
+    while waiting:
+        old = waiting.pop()
+        if set(free_vars(old.predicate)) != set(free_vars(node.predicate)) or not free_vars(node.predicate):
+            continue
+        if node.circular and old.circular and not _same_phase(node, old, evidence, tree):
+            return Place(apart=True)
+        if _precedes(node, old, evidence, tree, psi):
+            before = old.name
+            waiting = list(tree.predecessors(old.name))
+    return Place(before)
+
+
+def _precedes(node: Node, old: Node, evidence: Evidence, tree: Tree, psi: str) -> bool:
+    """Whether φ is reached before an older subgoal of the same entity."""
+    crossings = evidence.crossings(tree, old.name if tree.loop_around(old.name) else psi)
+    first, other = (crossings.first_steps(n.predicate, evidence.layout, evidence.solved) for n in (node, old))
+    voters = first > 0
+    return bool(voters.any() and np.mean(first[voters] < other[voters]) >= AGREEMENT)
+
+
+def _same_phase(node: Node, old: Node, evidence: Evidence, tree: Tree) -> bool:
+    """Whether two things done to every entity of a type are done to one entity before the next is turned to."""
+    one, other = (np.sort(evidence.each_first_steps(n.predicate), axis=1) for n in (node, old))
+    alternate = [_alternating(a, b) for a, b in zip(one, other, strict=True)]
+    shown = [each for each in alternate if each is not None]
+    return not shown or float(np.mean(shown)) >= 0.5
+
+
+def _alternating(one: IntArray, other: IntArray) -> bool | None:
+    """Whether two ascending lists of steps take turns; None where too few are left to see it."""
+    a, b = (steps[(steps > 0) & (steps < NEVER)] for steps in (one, other))
+    if min(len(a), len(b)) < 2:
+        return None
+    return bool(max(a[0], b[0]) <= min(a[1], b[1]))
+
+
+def _comparable(negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> FloatArray:
+    """Leave out failing states that a learned predecessor tells apart already."""
     for node in tree.predecessors(psi):
-        if len(node.entities) == 1:
-            others = [
-                other for other in _unhandled(node, evidence) if _recurs(node, other, positives, negatives, evidence)
-            ]
-            if others:
-                return _fitted(node, dict.fromkeys((*node.entities, *others), positives), evidence)
-    return None
-
-
-def _recurs(node: Node, other: str, positives: FloatArray, negatives: FloatArray, evidence: Evidence) -> bool:
-    phi = rename(node.predicate, {node.entities[0]: other})
-    often = _share(phi, positives, evidence) >= 1 - REUSE_MISSES
-    return often and _share(phi, negatives, evidence) <= REUSE_ACCEPTS
-
-
-def _moved(evidence: Evidence, tree: Tree, reused: Node) -> tuple[Node, ...]:
-    """Fit the thresholds of what comes before a recurring φ, learned from one entity, to all of its type.
-
-    P_s of another entity are the states before it satisfies φ.
-    """
-    (entity,) = reused.entities
-    alike = (entity, *_unhandled(reused, evidence))
-    before = {name: evidence.states_before(rename(reused.predicate, {entity: name})) for name in alike}
-    preceding = (node for node in tree.predecessors(reused.name) if node.entities == (entity,))
-    return tuple(_fitted(node, before, evidence) for node in preceding)
-
-
-def _fitted(node: Node, samples: Mapping[str, FloatArray], evidence: Evidence) -> Node:
-    """Move each threshold of φ that is too tight to where it holds, for each entity, on the samples of that entity."""
-    (entity,) = node.entities
-
-    def values(term: Term) -> FloatArray:
-        found = [evaluate(rename(term, {entity: e}), s, {}, evidence.layout)[..., 0] for e, s in samples.items()]
-        return np.concatenate(found)
-
-    return replace(node, predicate=_loosened(node.predicate, values))
-
-
-def _loosened(phi: Predicate, values: Callable[[Term], FloatArray]) -> Predicate:
-    """Move each threshold of a conjunction that some of its term's `values` miss."""
-    match phi:
-        case And(left, right):
-            return And(_loosened(left, values), _loosened(right, values))
-        case Less(term, Const(old)) | Greater(term, Const(old)):
-            sign = 1.0 if isinstance(phi, Less) else -1.0
-            pos = sign * values(term)
-            if pos.max() >= sign * old:
-                return replace(phi, right=Const(sign * bound(pos, np.empty(0), float(np.std(pos)))[0]))
-    return phi
-
-
-def _unhandled(node: Node, evidence: Evidence) -> list[str]:
-    kind = evidence.types[node.entities[0]]
-    return [name for name, other in evidence.types.items() if other == kind and name not in node.entities]
-
-
-def _share(phi: Predicate, states: FloatArray, evidence: Evidence) -> float:
-    return float(holds(phi, states, {}, evidence.layout, evidence.solved).mean()) if len(states) else 0.0
+        phi = node.completed(evidence.types)
+        reached = holds(phi, negatives, {}, evidence.layout, evidence.solved)
+        negatives = negatives[reached] if reached.sum() >= LEAST_NEGATIVES else negatives
+    return negatives
 
 
 def _nameable(evidence: Evidence, tree: Tree, psi: str) -> list[str]:
-    """Entities that may be mentioned by name: after a loop over a type, none of that type has a name any more."""
-    looped = {evidence.types[e] for node in tree.below(psi) if node.circular for e in _free(node)}
-    return [name for name, kind in evidence.types.items() if kind not in looped]
+    """Entities that may be mentioned by name: of a type over which a loop goes only the one that it serves."""
+    loop = tree.loop_around(psi)
+    served = free_vars(loop.predicate) if loop is not None else ()
+    looped = {evidence.types[name] for n in tree.nodes if n.circular for name in free_vars(n.predicate)}
+    return [name for name, kind in evidence.types.items() if kind not in looped or name in served]
 
 
-def _free(node: Node) -> tuple[str, ...]:
-    return Node(node.name, node.predicate).entities
+def _samples(
+    crossings: Crossings,
+    negatives: FloatArray,
+    evidence: Evidence,
+    tree: Tree,
+    psi: str,
+    features: tuple[Feature, ...],
+) -> Samples:
+    chain = tuple(tree.below(psi))
+    steps: dict[frozenset[str], tuple[IntArray, ...]] = {}
+    for node in chain:
+        about = frozenset(node.entities)
+        first = crossings.first_steps(node.lifted(evidence.types), evidence.layout, evidence.solved)
+        steps[about] = (*steps.get(about, ()), first)
+    return Samples(
+        evidence.layout,
+        crossings.before,
+        crossings.reached,
+        negatives,
+        crossings.frames,
+        crossings.starts,
+        steps,
+        known=_compared(features, (tree.node(psi), *chain), evidence),
+        goal_entities=frozenset(free_vars(tree.node(psi).predicate)),
+        anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
+    )
 
 
-def _samples(positives: FloatArray, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> Samples:
-    predecessors = tree.predecessors(psi)
-    if len(predecessors) == 1:
-        phi = predecessors[0].completed(evidence.types)
-        reached = holds(phi, negatives, {}, evidence.layout, evidence.solved)
-        negatives = negatives[reached] if reached.sum() >= 50 else negatives
-    frames, starts = _frames_before(evidence, evidence.first_steps(tree.node(psi).predicate))
-    anchors = tuple(Anchor(node.predicate, node.scales) for node in predecessors if node.entities)
-    after = _after(evidence, tree, psi)
-    return Samples(evidence.layout, positives, negatives, frames, starts, after, anchors=anchors)
+def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> Iterator[Candidate]:
+    """Read what leads to ψ_R once for every entity of each type that has several."""
+    layout = evidence.layout
+    single = [name for name, kind in evidence.types.items() if len(layout.of_type(kind)) == 1]
+    for members in (layout.of_type(kind) for kind in layout.types):
+        if psi == ROOT and len(members) > 1:
+            entity = layout.names[members[0]]
+            features = enumerate_features(layout, [entity, *single])
+            known = _compared(features, tree.nodes, evidence)
+            pairs = Pairs(layout, entity, members, samples.frames, samples.starts, samples.negatives, known)
+            yield from recurring_candidates(features, pairs)
 
 
-def _after(evidence: Evidence, tree: Tree, psi: str) -> dict[frozenset[str], IntArray]:
-    kept = _voting(evidence.first_steps(tree.node(psi).predicate))
-    return {
-        frozenset(node.entities): evidence.first_steps(node.lifted(evidence.types))[kept]
-        for node in tree.predecessors(psi)
-    }
+def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> frozenset[str]:
+    """Families of what nodes compare already, of one entity or of all of its type."""
+    terms = {part for node in nodes for part in walk(node.predicate)}
+    role = {kind: name for name, kind in reversed(list(evidence.types.items()))}
 
+    def plain(feature: Feature) -> Term:
+        return (
+            feature.term
+            if feature.over is None
+            else rename(feature.term, {feature.over[0].name: role[feature.over[1]]})
+        )
 
-def _voting(reached: IntArray) -> IntArray:
-    """Demonstrations that go from not ψ to ψ."""
-    return np.flatnonzero((reached > 0) & (reached < NEVER))
-
-
-def _frames_before(evidence: Evidence, reached: IntArray) -> tuple[FloatArray, IntArray]:
-    """Frames of each demonstration before ψ first holds, and where each demonstration starts in them."""
-    kept = _voting(reached)
-    parts = [evidence.trajectories[d].states[: reached[d]] for d in kept]
-    starts = np.concatenate([[0], np.cumsum(reached[kept])[:-1]]).astype(np.int64)
-    return np.concatenate(parts), starts
+    return frozenset(f.family for f in features if plain(f) in terms)

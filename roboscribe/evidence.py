@@ -1,20 +1,74 @@
-"""Demonstrations as the algorithms use them: consistently named, and asked when a predicate first holds."""
+"""Demonstrations as the algorithms use them: once for every entity that plays a role, from takeover to crossing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from roboscribe.dsl.rewrite import free_vars, rename
 from roboscribe.dsl.semantics import SolvedTest, holds
-from roboscribe.dsl.syntax import Predicate
+from roboscribe.dsl.syntax import Predicate, Solved
 from roboscribe.dsl.types import named_entities
-from roboscribe.subtask_tree import NEVER, TRUE, Tree
-from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.subtask_tree import Node, Tree
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.naming import by_displacement
-from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.trajectory import NEVER, Trajectory, first_true
+
+
+@dataclass(frozen=True)
+class Passage:
+    """A part of a demonstration in which one entity plays a role, perhaps under another name.
+
+    Args:
+        demonstration: index into `Evidence.trajectories`.
+        begin: first frame: where the demonstration begins, or where the entity served before was finished.
+        end: frame after the last one.
+        order: entity `order[i]` is called i here, see `Layout.permute`.
+    """
+
+    demonstration: int
+    begin: int
+    end: int
+    order: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Every time that demonstrations go from not ψ to ψ, whichever entity plays ψ's role.
+
+    Args:
+        frames: (S, F) frames of each crossing, from takeover to the first one on which ψ holds, one after the other.
+        starts: (C,) where each crossing begins in `frames`.
+        passages: which part of which demonstration each is.
+    """
+
+    frames: FloatArray
+    starts: IntArray
+    passages: tuple[Passage, ...]
+
+    @property
+    def lengths(self) -> IntArray:
+        """Frames of each crossing, (C,)."""
+        return np.diff(np.append(self.starts, len(self.frames)))
+
+    @property
+    def reached(self) -> FloatArray:
+        """The states on which ψ first holds, (C, F)."""
+        states: FloatArray = self.frames[self.starts + self.lengths - 1]
+        return states
+
+    @property
+    def before(self) -> FloatArray:
+        """P_s: the states right before, (C, F)."""
+        states: FloatArray = self.frames[self.starts + self.lengths - 2]
+        return states
+
+    def first_steps(self, predicate: Predicate, layout: Layout, solved: SolvedTest) -> IntArray:
+        """Step of each crossing, counted from takeover, on which a predicate first holds, (C,); NEVER where none."""
+        return first_true(holds(predicate, self.frames, {}, layout, solved), self.starts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,15 +78,24 @@ class Evidence:
     Args:
         trajectories: demonstrations in which one name plays one role, see `of`.
         solved: ψ_R.
+        left_out: indices, among those given, of demonstrations that never reach ψ_R and are no evidence.
     """
 
     trajectories: tuple[Trajectory, ...]
     solved: SolvedTest
+    left_out: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, trajectories: Iterable[Trajectory], solved: SolvedTest) -> Evidence:
-        """Name the entities of each demonstration by the order in which they are first displaced."""
-        return cls(tuple(t.renamed(by_displacement(t)) for t in trajectories), solved)
+        """Name the entities of each demonstration by the order in which they are first displaced.
+
+        Demonstrations that never reach ψ_R are left out, unless none does.
+        """
+        given = tuple(trajectories)
+        failed = tuple(i for i, t in enumerate(given) if not solved(t.states).any())
+        failed = () if len(failed) == len(given) else failed
+        kept = (t for i, t in enumerate(given) if i not in failed)
+        return cls(tuple(t.renamed(by_displacement(t)) for t in kept), solved, failed)
 
     @property
     def layout(self) -> Layout:
@@ -55,22 +118,93 @@ class Evidence:
         lengths = [len(t) for t in self.trajectories]
         return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
 
+    @cached_property
+    def ends(self) -> IntArray:
+        """Where each demonstration ends in `states`, (D,)."""
+        return np.append(self.starts[1:], len(self.states))
+
+    @cached_property
+    def solved_at(self) -> IntArray:
+        """Step at which each demonstration first reaches ψ_R, (D,); NEVER where it does not."""
+        return self.first_steps(Solved())
+
+    def truth(self, predicate: Predicate) -> BoolArray:
+        """Whether a predicate about named entities holds, (S,)."""
+        return holds(predicate, self.states, {}, self.layout, self.solved)
+
     def first_steps(self, predicate: Predicate) -> IntArray:
         """Step at which a predicate first holds in each demonstration, (D,); NEVER where it does not."""
-        truth = holds(predicate, self.states, {}, self.layout, self.solved)
-        parts = np.split(truth, self.starts[1:])
-        return np.array([part.argmax() if part.any() else NEVER for part in parts], dtype=np.int64)
+        return first_true(self.truth(predicate), self.starts)
 
-    def first_steps_of(self, tree: Tree) -> dict[str, IntArray]:
-        """`first_steps` of every node but True, as VALIDATE needs them."""
-        return {n.name: self.first_steps(n.lifted(self.types)) for n in tree.nodes if n.name != TRUE}
+    def each_first_steps(self, predicate: Predicate) -> IntArray:
+        """Step at which a predicate about one entity first holds of every entity of its type, (D, N)."""
+        (name,) = free_vars(predicate)
+        members = self.layout.of_type(self.types[name])
+        found = [self.first_steps(rename(predicate, {name: self.layout.names[e]})) for e in members]
+        return np.stack(found, axis=1)
+
+    def passages(self, tree: Tree, name: str) -> tuple[Passage, ...]:
+        """Return the parts of the demonstrations in which a node's entity plays its role.
+
+        What a loop does for one entity it does for each: inside loops every entity that is served gives a passage, in
+        which it goes by the name that the tree uses. Elsewhere every demonstration is one passage.
+        """
+        same = tuple(range(len(self.layout.entities)))
+        loop = tree.loop_around(name)
+        if loop is None:
+            return tuple(Passage(d, 0, len(t), same) for d, t in enumerate(self.trajectories))
+        (entity,) = free_vars(loop.predicate)
+        role, members = self.layout.names.index(entity), self.layout.of_type(self.types[entity])
+        found = []
+        for d, first in enumerate(self.each_first_steps(loop.predicate)):
+            begin = 0
+            for rank in np.argsort(first, kind="stable"):
+                if 0 < first[rank] < NEVER:
+                    order = _swapped(same, role, members[rank])
+                    found.append(Passage(d, begin, int(first[rank]) + 1, order))
+                    begin = int(first[rank])
+        return tuple(found)
+
+    def crossings(self, tree: Tree, name: str) -> Crossings:
+        """Return where the demonstrations go from not ψ to ψ; entities that satisfy ψ at takeover show nothing.
+
+        Source:  P_s of Algorithm 2, line 6.
+        Departs: only the first crossing of a passage counts, for noise makes later ones; in loops every entity counts.
+        """
+        predicate = tree.node(name).predicate
+        parts: list[FloatArray] = []
+        kept: list[Passage] = []
+        for passage in self.passages(tree, name):
+            states = self.states_of(passage)
+            truth = holds(predicate, states, {}, self.layout, self.solved)
+            if truth.any() and not truth[0]:
+                parts.append(states[: int(truth.argmax()) + 1])
+                kept.append(passage)
+        lengths = [len(part) for part in parts]
+        starts = np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64) if parts else np.empty(0, np.int64)
+        frames = np.concatenate(parts) if parts else np.empty((0, self.layout.size))
+        return Crossings(frames, starts, tuple(kept))
+
+    def states_of(self, passage: Passage) -> FloatArray:
+        """Return the frames of a passage (T, F), under its names."""
+        states = self.trajectories[passage.demonstration].states[passage.begin : passage.end]
+        return self.layout.permute(states, passage.order)
 
     def states_before(self, predicate: Predicate) -> FloatArray:
-        """P_s: in each demonstration the state before the predicate first holds, (≤ D, F).
-
-        Source:  Algorithm 2, line 6.
-        Departs: only the first crossing of a demonstration counts; noise makes later ones.
-        """
+        """Return in each demonstration the state before a predicate about named entities first holds, (≤ D, F)."""
         first = self.first_steps(predicate)
         rows = [s + f - 1 for s, f in zip(self.starts, first, strict=True) if 0 < f < NEVER]
         return self.states[rows]
+
+    def edge_steps(self, tree: Tree, phi: Node, psi: str) -> tuple[IntArray, IntArray]:
+        """Return when φ and when ψ first hold in each crossing into ψ, as VALIDATE compares them; (C,) each."""
+        crossings = self.crossings(tree, psi)
+        first = crossings.first_steps(phi.lifted(self.types), self.layout, self.solved)
+        return first, crossings.lengths - 1
+
+
+def _swapped(order: Sequence[int], one: int, other: int) -> tuple[int, ...]:
+    """Exchange two entities."""
+    swapped = list(order)
+    swapped[one], swapped[other] = order[other], order[one]
+    return tuple(swapped)

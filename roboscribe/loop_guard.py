@@ -11,17 +11,18 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import conjunction, free_vars, rename, size, walk
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Goal, Less, Not, Object, Predicate, Proj, Truth, Var
+from roboscribe.dsl.syntax import Diff, Goal, Less, Norm, Not, Object, Predicate, Proj, Robot, Truth, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.search.topdown import Atoms, Literal, strictest_literal, top_down_enum
-from roboscribe.subtask_tree import NEVER, Node, Tree
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, strictest_literal, top_down_enum
+from roboscribe.subtask_tree import Node, Tree
+from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray
+from roboscribe.world.trajectory import AGREEMENT, NEVER
 
 TOLERANCE = 0.02
-"""Share of positive, and of negative, examples on which a guard may err: `at` flickers while a block is let go."""
-CHOICE_TOLERANCE = 0.1
-"""The same for who plays a role: now and then a demonstrator brushes another entity first."""
+"""Share of positive, and of negative, examples on which a guard may err: a subgoal flickers while it is reached."""
+CHOICE_TOLERANCE = 1.0 - AGREEMENT
+"""The same for choices: now and then a demonstrator brushes another entity first."""
 MOST_EXAMPLES = 6_000
 """Examples beyond this many are thinned evenly."""
 BROKEN = 20.0
@@ -96,14 +97,42 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
     (entity,) = free_vars(node.predicate)
     nodes = (node, *tree.below(node.name))
     learned = tuple(dict.fromkeys(n.predicate for n in nodes if free_vars(n.predicate) == (entity,)))
-    whole = top_down_enum(guard_atoms(examples, evidence, entity, learned), examples.positive, TOLERANCE)
-    if whole is not None:
-        return whole
     ended = examples[examples.positive | examples.done]
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
         return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
-    return conjunction([termination, *partial_order(examples, evidence, entity, learned)])
+    return conjunction([termination, *order_of(examples, evidence, entity, learned)])
+
+
+def order_of(
+    examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate]
+) -> tuple[Predicate, ...]:
+    """Find what tells the entity that demonstrators turn to next from those that wait.
+
+    Args:
+        examples: labelled pairs.
+        evidence: demonstrations, for layout and types.
+        entity: v, the name that stands for the entity that an example is about.
+        learned: predicates about it alone.
+
+    Returns:
+        A predicate that explains the choices, where it is shorter than a list of them would be, else what
+        `partial_order` finds; nothing where the demonstrations show no order.
+    """
+    shown = examples[examples.choice]
+    if shown.positive.all():
+        return ()
+    atoms = guard_atoms(shown, evidence, entity, learned, moving=True)
+    found = enumerate_conjunctions(atoms, shown.positive, CHOICE_TOLERANCE)
+    if found.best is not None and _bits_of_choices(shown) >= np.log2(found.simpler):
+        return (found.best,)
+    return partial_order(examples, evidence, entity, learned)
+
+
+def _bits_of_choices(shown: Examples) -> float:
+    """Return how many bits it takes to say which of those that waited was chosen, at every choice."""
+    _, waiting = np.unique(shown.frames, return_counts=True)
+    return float(np.log2(waiting).sum())
 
 
 def partial_order(
@@ -161,14 +190,18 @@ def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
     """Label every (state, entity): positive while the entity is handled, negative before and after.
 
     Segment S_i ends when e_i first satisfies φ and begins where S_{i-1} ended. Entities that satisfy φ from the
-    start are never handled; demonstrations in which one never satisfies φ show nothing and are left out.
+    start are never handled; one that never satisfies φ is being handled when the demonstration ends; demonstrations
+    in which several do not show nothing and are left out.
 
     Source: Algorithm 6, lines 3-12.
     """
     (name,) = free_vars(phi)
     members = evidence.layout.of_type(evidence.types[name])
     first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
-    lengths = [len(t) if max(f) < NEVER else 0 for t, f in zip(evidence.trajectories, first.T, strict=True)]
+    counts = np.array([len(t) for t in evidence.trajectories])
+    unserved = (first == NEVER).sum(axis=0)
+    first = np.where((first == NEVER) & (unserved == 1), counts, first)
+    lengths = [n if max(f) < NEVER else 0 for n, f in zip(counts.tolist(), first.T, strict=True)]
     parts = [_label(*shown, members) for shown in zip(evidence.starts, lengths, first.T, strict=True)]
     frames, entities, positive, done, choice = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Examples(evidence.states, frames, entities, positive, done, choice)
@@ -192,16 +225,21 @@ def _label(
 
 LEARNED_COST = 1
 COMPARISON_COST = 2
+RELATION_COST = 3
+"""Costs of a learned predicate, of a comparison of two numbers of objects, and of two distances to the robot."""
 
 
-def guard_atoms(examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate]) -> Atoms:
-    """Tabulate the atoms of a guard: learned predicates, and comparisons of coordinates of entities and goals.
+def guard_atoms(
+    examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate], *, moving: bool = False
+) -> Atoms:
+    """Tabulate the atoms of a guard: learned predicates, and comparisons of attributes of entities and goals.
 
     Args:
         examples: where the atoms are evaluated.
         evidence: demonstrations, for layout and types.
         entity: v, the name that stands for the entity that an example is about.
         learned: predicates about it alone.
+        moving: whether distances to the robot are compared, too, which only matter where a choice is made.
 
     Returns:
         Atoms about v, and, for every entity v' of its type, about v' and about both.
@@ -210,6 +248,7 @@ def guard_atoms(examples: Examples, evidence: Evidence, entity: str, learned: Se
     other = f"{layout.letter(kind)}'"
     own = [(p, LEARNED_COST) for p in learned] + [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity,))]
     both = [(p, COMPARISON_COST) for p in _comparisons(evidence, (entity, other)) if len(free_vars(p)) == 2]
+    both += [(p, RELATION_COST) for p in _relations(evidence, entity, other)] if moving else []
 
     def truth(p: Predicate, others: int | None = None) -> BoolArray:
         binding: dict[str, IntArray | int] = {entity: examples.entities}
@@ -228,15 +267,28 @@ def guard_atoms(examples: Examples, evidence: Evidence, entity: str, learned: Se
 
 
 def _comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
-    """α < α over single coordinates of lengths of the entities `names` (all of one type) and of their goals."""
+    """α < α over single numbers of one attribute of the entities `names` (all of one type) and of their goals."""
     kind = evidence.layout.types[evidence.types[names[0]]]
-    for attribute in (a for a in kind.attributes if a.unit == "m"):
+    for attribute in (a for a in kind.attributes if a.is_place):
         objects: list[Object] = [Var(n) for n in names]
         with_goal = any(g.name == attribute.name for g in kind.goal)
         goals: list[Object] = [Goal(Var(n)) for n in names] if with_goal else []
         for one, two in product([*goals, *objects], repeat=2):
             if one != two:
                 yield from (Less(Proj(one, c), Proj(two, c)) for c in attribute.components)
+
+
+def _relations(evidence: Evidence, entity: str, other: str) -> Iterator[Predicate]:
+    """One entity, or its goal, is nearer to the robot than the other."""
+    layout = evidence.layout
+    kind = layout.types[evidence.types[entity]]
+    for attribute in layout.robot.attributes:
+        field = "".join(attribute.components) if all(len(c) == 1 for c in attribute.components) else attribute.name
+        for goal in (False, True):
+            if attribute.is_place and any(a.name == attribute.name for a in kind.described(goal)):
+                ends = [Goal(Var(n)) if goal else Var(n) for n in (entity, other)]
+                near, far = (Norm(Diff(Proj(Robot(), field), Proj(end, field))) for end in ends)
+                yield from (Less(near, far), Less(far, near))
 
 
 def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
@@ -248,27 +300,36 @@ def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | F
         other: the branch that comes first where the predicate is false.
 
     Returns:
-        The smallest comparison of coordinates of the two nodes' entities and goals, or its negation.
+        The smallest comparison of attributes of the two nodes' entities and goals, or its negation; Fail where none
+        explains it, or where there are so few demonstrations that some comparison would by accident.
 
     Source: Sec. 4.5.
     """
-    first = evidence.first_steps(one.predicate) < evidence.first_steps(other.predicate)
+    first = evidence.first_steps(one.lifted(evidence.types)) < evidence.first_steps(other.lifted(evidence.types))
     starts = evidence.states[evidence.starts]
-    names = (*free_vars(one.predicate), *free_vars(other.predicate))
+    names = (*free_vars(one.predicate), *free_vars(other.predicate)) if not (one.circular or other.circular) else ()
     tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
+    if len(first) < np.log2(max(1, 2 * len(tests))):
+        return Fail(f"too few demonstrations to tell why {one.name} sometimes comes before {other.name}")
     for test in tests:
         truth = holds(test, starts, {}, evidence.layout)
         for predicate, answer in ((test, truth), (Not(test), ~truth)):
-            if np.mean(answer != first) <= TOLERANCE:
+            if np.mean(answer != first) <= 1.0 - AGREEMENT:
                 return predicate
-    return Fail(f"no comparison of coordinates explains why {one.name} sometimes comes before {other.name}")
+    return Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
 
 
 def _cross_comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
     for one, two in combinations(names, 2):
         kinds = [evidence.layout.types[evidence.types[n]] for n in (one, two)]
         for goals in (True, False):
-            shared = [a for a in kinds[0].described(goals) if a in kinds[1].described(goals) and a.unit == "m"]
+            shared = [a for a in kinds[0].described(goals) if a.is_place and _same(a, kinds[1].described(goals))]
             for attribute in shared:
                 ends = [Goal(Var(n)) if goals else Var(n) for n in (one, two)]
                 yield from (Less(Proj(ends[0], c), Proj(ends[1], c)) for c in attribute.components)
+
+
+def _same(attribute: Attribute, others: Sequence[Attribute]) -> bool:
+    """Whether one of `others` measures the same."""
+    shape = (attribute.name, attribute.unit, attribute.components)
+    return any((a.name, a.unit, a.components) == shape for a in others)

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import combinations, permutations
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, fresh, rename, seq, walk
+from roboscribe.dsl.rewrite import conjunction, free_vars, fresh, rename, seq, walk
 from roboscribe.dsl.syntax import (
     Get,
     Goal,
     If,
+    Not,
     Object,
+    Or,
     Predicate,
     Program,
     Robot,
     Run,
     Solved,
     Statement,
+    Truth,
     Var,
     While,
 )
@@ -27,6 +30,7 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, order_condition, predicate_synthesis
 from roboscribe.subtask_tree import ROOT, Node, Tree
+from roboscribe.world.trajectory import AGREEMENT
 
 OPAQUE = "R"
 """Name of the controller that is asked to reach ψ_R without any subgoal."""
@@ -86,52 +90,54 @@ class _Writer:
         return written
 
     def predecessors(self, nodes: Sequence[Node]) -> Statement | Fail:
-        """Branches in the order in which the demonstrations finish them, or a condition where that order varies."""
-        ordered = self.ordered(nodes)
-        if ordered is None and len(nodes) == 2:
-            return self.conditional(nodes[0], nodes[1])
-        if ordered is None:
-            names = ", ".join(node.name for node in nodes)
-            return Fail(f"the demonstrations reach {names} in no consistent order, and only two can be told apart")
+        """Branches in the order in which the demonstrations finish them; conditions where that order has a reason."""
         parts: list[Statement] = []
-        for node in ordered:
+        order = branch_order(self.evidence, nodes)
+        for group in order.groups:
             if not self.done:
-                part = self.tree2program(node)
+                part = self.group(group, order)
                 if isinstance(part, Fail):
                     return part
                 parts.append(part)
         return seq(*parts)
 
-    def ordered(self, nodes: Sequence[Node]) -> list[Node] | None:
-        """Sort by i(D, φ), the step at which φ is reached (a circular φ: by its first entity); None if it varies."""
-        first = {n.name: self.evidence.first_steps(n.lifted(self.evidence.types)) for n in nodes}
-        ranked = sorted(nodes, key=lambda n: float(np.median(first[n.name])))
-        pairs = pairwise(ranked)
-        consistent = all(np.mean(first[a.name] < first[b.name]) >= 0.95 for a, b in pairs)
-        return ranked if consistent else None
+    def group(self, nodes: Sequence[Node], order: Order) -> Statement | Fail:
+        """Write branches whose order varies together: one alone, two as if / else, more as guarded branches."""
+        branches: list[Statement] = []
+        for node in nodes:
+            reached, self.done = self.done, False
+            branch = self.tree2program(node)
+            if isinstance(branch, Fail):
+                return branch
+            branches.append(branch)
+            self.done = self.done or reached
+            if self.done and len(nodes) != 2:
+                break
+        if len(nodes) == 1:
+            return branches[0]
+        if len(nodes) == 2:
+            test = rename(order.conditions[nodes[0].name, nodes[1].name], self.variables())
+            return If(test, seq(*branches), seq(*reversed(branches)))
+        return seq(*branches) if self.done else self.guarded(nodes, branches, order)
 
-    def conditional(self, one: Node, other: Node) -> Statement | Fail:
-        """`if (P) {one; other} else {other; one}` for two branches of varying order.
+    def guarded(self, nodes: Sequence[Node], branches: Sequence[Statement], order: Order) -> Statement:
+        """`while (some branch is left) {if (P1) S1 else if (P2) S2 ... else Sn}`, the first that none must precede.
 
-        Source: Sec. 4.5.
+        Departs: Sec. 4.5 has two branches; conditions between pairs order any number of them.
         """
-        test = order_condition(self.evidence, one, other)
-        if isinstance(test, Fail):
-            return test
-        both: list[Statement] = []
-        reached = self.done
-        for node in (one, other):
-            self.done = False
-            part = self.tree2program(node)
-            if isinstance(part, Fail):
-                return part
-            both.append(part)
-            reached = reached or self.done
-        self.done = reached
-        return If(rename(test, self.variables()), seq(both[0], both[1]), seq(both[1], both[0]))
+        done = {node.name: node.completed(self.evidence.types) for node in nodes}
+        body = branches[-1]
+        for node, branch in reversed(list(zip(nodes[:-1], branches[:-1], strict=True))):
+            waits = [_waits_for(order, node, other, done) for other in nodes if other != node]
+            first = conjunction([Not(done[node.name]), *(p for p in waits if p != Truth())])
+            body = If(rename(first, self.variables()), branch, body)
+        return While(rename(Not(conjunction(list(done.values()))), self.variables()), body)
 
     def loop(self, node: Node, body: Statement) -> Statement | Fail:
-        """`while ((v := get(λv:τ. p)) ≠ null) {body; π_φ[φ]}` for a circular node, lines 13-16."""
+        """`while ((v := get(λv:τ. p)) ≠ null) {body; π_φ[φ]}` for a circular node, lines 13-16.
+
+        Where the goal lies within the loop it is sought for the first entity alone.
+        """
         (entity,) = free_vars(node.predicate)
         guard = predicate_synthesis(self.evidence, self.tree, node)
         if isinstance(guard, Fail):
@@ -139,9 +145,10 @@ class _Writer:
         variable = self.variable(entity)
         kind = self.evidence.types[entity]
         del self.straight[entity]
-        run = self.statement(node, {entity: variable})
         get = Get(Var(variable), kind, rename(guard, {entity: variable}))
-        return While(get, seq(body, run))
+        if self.done:
+            return seq(get, body)
+        return While(get, seq(body, self.statement(node, {entity: variable})))
 
     def run(self, node: Node) -> tuple[Statement, ...]:
         """`π_φ[φ]`, line 18; nothing for ψ_R once it has a predecessor."""
@@ -175,6 +182,52 @@ class _Writer:
     def variables(self) -> dict[str, str]:
         """Variable of every entity that has one."""
         return {entity: name for entity, (name, _) in self.straight.items()}
+
+
+@dataclass(frozen=True)
+class Order:
+    """The order of branches.
+
+    Args:
+        groups: branches one after the other; those whose order varies with a reason are together.
+        conditions: for pairs of names, when the first comes before the second.
+    """
+
+    groups: tuple[tuple[Node, ...], ...]
+    conditions: Mapping[tuple[str, str], Predicate]
+
+
+def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
+    """Sort branches by i(D, φ), the step at which each is finished (a circular φ: by its first entity).
+
+    Source:  Algorithm 5, line 10; Sec. 4.5.
+    Departs: where the order varies and no condition tells why, any order will do, and the one that most demonstrations
+        show is taken.
+    """
+    first = {n.name: evidence.first_steps(n.lifted(evidence.types)) for n in nodes}
+    ahead = {(a.name, b.name): float(np.mean(first[a.name] < first[b.name])) for a, b in permutations(nodes, 2)}
+    ranked = sorted(nodes, key=lambda n: -sum(ahead[n.name, o.name] for o in nodes if o != n))
+    conditions: dict[tuple[str, str], Predicate] = {}
+    for one, other in combinations(ranked, 2):
+        if 1.0 - AGREEMENT < ahead[one.name, other.name] < AGREEMENT:
+            there, back = order_condition(evidence, one, other), order_condition(evidence, other, one)
+            if not isinstance(there, Fail) and not isinstance(back, Fail):
+                conditions[one.name, other.name], conditions[other.name, one.name] = there, back
+    groups: list[tuple[Node, ...]] = []
+    for node in ranked:
+        tied = [i for i, g in enumerate(groups) if any((o.name, node.name) in conditions for o in g)]
+        joined = tuple(n for g in groups[tied[0] :] for n in g) if tied else ()
+        groups = [*(groups[: tied[0]] if tied else groups), (*joined, node)]
+    return Order(tuple(groups), conditions)
+
+
+def _waits_for(order: Order, node: Node, other: Node, done: Mapping[str, Predicate]) -> Predicate:
+    """Say when `node` need not wait for `other`: it is done, or comes later."""
+    names = [n.name for group in order.groups for n in group]
+    earlier = order.conditions.get((node.name, other.name))
+    if earlier is not None:
+        return Or(done[other.name], earlier)
+    return Truth() if names.index(node.name) < names.index(other.name) else done[other.name]
 
 
 def _arguments(predicate: Predicate) -> tuple[Object, ...]:

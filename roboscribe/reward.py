@@ -97,13 +97,19 @@ def _margin(atom: Atom, states: FloatArray, binding: Binding, layout: Layout) ->
     """Return how far an atom's sides are apart in the direction that satisfies it, in the term's unit."""
     left = evaluate(atom.left, states, binding, layout)[..., 0]
     right = evaluate(atom.right, states, binding, layout)[..., 0]
-    gap = left - right if isinstance(atom, Greater) else right - left
+    match atom:
+        case Less():
+            gap = right - left
+        case Greater():
+            gap = left - right
+        case _:
+            assert_never(atom)
     return np.where(np.isnan(gap), FALSE_MARGIN, gap)
 
 
 def atoms(predicate: Predicate) -> tuple[Atom, ...]:
     """List the atoms of a predicate in order of appearance."""
-    return tuple(node for node in walk(predicate) if isinstance(node, Less | Greater))
+    return tuple(node for node in walk(predicate) if isinstance(node, Atom))
 
 
 def atom_term(atom: Atom) -> Term:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import alpha_equivalent, exist_quant, free_vars
+from roboscribe.dsl.rewrite import exist_quant, free_vars
 from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
 from roboscribe.errors import Fail
 from roboscribe.world.layout import IntArray
+from roboscribe.world.trajectory import AGREEMENT
 
 TRUE = "True"
 ROOT = "ψ_R"
@@ -61,71 +62,117 @@ class Tree:
         """Learned predecessors of a node, oldest first (`True` is left out)."""
         return tuple(self.node(a) for a, b in self.edges if b == name and a != TRUE)
 
+    def successors(self, name: str) -> tuple[Node, ...]:
+        """Nodes that a node leads to."""
+        return tuple(self.node(b) for a, b in self.edges if a == name)
+
     def below(self, name: str) -> Iterator[Node]:
         """Every learned node from which `name` is reached, nearest first."""
         for node in self.predecessors(name):
             yield node
             yield from self.below(node.name)
 
+    def loop_around(self, name: str) -> Node | None:
+        """Return the circular node that `name` is, or that repeats `name` for each of its entities."""
+        node = self.node(name)
+        if node.circular:
+            return node
+        for loop in (n for n in self.nodes if n.circular):
+            mine = set(free_vars(loop.predicate)) & set(node.entities)
+            if mine and any(n.name == name for n in self.below(loop.name)):
+                return loop
+        return None
 
-def update_tree(tree: Tree, phi: Node, psi: str, moved: Sequence[Node] = ()) -> Tree:
+    def without(self, name: str) -> Tree:
+        """Return the tree without a node; what led to it leads to where it led."""
+        into = [a for a, b in self.edges if b == name]
+        out = [b for a, b in self.edges if a == name]
+        kept = [edge for edge in self.edges if name not in edge]
+        for psi in out:
+            others = [a for a, b in kept if b == psi]
+            new = [a for a in into if a != TRUE] or ([] if others else [TRUE])
+            kept += [(a, psi) for a in new if a not in others]
+        return Tree(tuple(node for node in self.nodes if node.name != name), tuple(kept))
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a new node stands among the predecessors of its goal; found from the demonstrations.
+
+    Args:
+        before: the predecessor of the goal, or node below one, that the new node comes before; "" where it comes last.
+        apart: whether the new node's loop is another phase than a loop over the same type that is there already.
+    """
+
+    before: str = ""
+    apart: bool = False
+
+
+def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> Tree:
     """Refine a tree with φ as a subgoal of ψ.
 
     Args:
         tree: T.
-        phi: the new node; a φ equivalent to a predecessor of ψ, or of its name, marks that predecessor as circular.
+        phi: the new node; circular where it recurs for the entities of a type.
         psi: name of the goal ψ.
-        moved: nodes of the tree whose predicates changed with φ.
+        place: where it stands among the subgoals that are there already.
 
     Returns:
         T[True ~φ~> ψ].
 
     Source:  Algorithm 4.
-    Departs: the edge True → ψ is removed once ψ has a learned predecessor, for True is then reached through it.
+    Departs: the edge True → ψ is removed once ψ has a learned predecessor, for True is then reached through it. A φ
+        about the entities of a predecessor stands before or after it, whichever the demonstrations show; φ is
+        circular from the start where several entities satisfy it, and takes a predecessor's loop over. What a loop
+        needs but does not do for each of its entities precedes the loop.
     """
-    for old in tree.predecessors(psi):
-        if old.name == phi.name or alpha_equivalent(old.predicate, phi.predicate):
-            again = replace(phi if old.name == phi.name else old, circular=True)
-            changed = {node.name: node for node in (*moved, again)}
-            return replace(tree, nodes=tuple(changed.get(n.name, n) for n in tree.nodes))
+    place = place or Place()
+    loop = tree.loop_around(psi)
+    if loop is not None and free_vars(phi.predicate) and not shares(phi, loop):
+        return update_tree(tree, phi, tree.successors(loop.name)[0].name)
     nodes = (*tree.nodes, phi)
+    if place.before:
+        inserted = tuple((a, phi.name) if b == place.before else (a, b) for a, b in tree.edges)
+        single = tuple(replace(n, circular=False) if n.name == phi.name else n for n in nodes)
+        return Tree(single, (*inserted, (phi.name, place.before)))
     kept = tuple(edge for edge in tree.edges if edge != (TRUE, psi))
     for old in tree.predecessors(psi):
-        if set(old.entities) == set(phi.entities):
+        if _alike(old, phi) and not place.apart:
+            single = tuple(replace(n, circular=False) if n.name == old.name and phi.circular else n for n in nodes)
             rerouted = tuple((old.name, phi.name) if edge == (old.name, psi) else edge for edge in kept)
-            return Tree(nodes, (*rerouted, (phi.name, psi)))
+            return Tree(single, (*rerouted, (phi.name, psi)))
     return Tree(nodes, (*kept, (TRUE, phi.name), (phi.name, psi)))
 
 
-NEVER = np.iinfo(np.int64).max
-"""First step of a predicate that a demonstration never satisfies."""
+def _alike(old: Node, phi: Node) -> bool:
+    """Whether φ is about the entities of a predecessor; after a loop, what speaks of no entity by name is, too."""
+    mine = set(free_vars(phi.predicate))
+    return mine == set(free_vars(old.predicate)) or (old.circular and not mine)
 
 
-def validate(tree: Tree, first_steps: Mapping[str, IntArray], share: float = 0.95) -> Fail | None:
+def shares(one: Node, other: Node) -> bool:
+    """Whether two nodes are about a common entity."""
+    return bool(set(free_vars(one.predicate)) & set(free_vars(other.predicate)))
+
+
+def validate(tree: Tree, first_steps: Callable[[Node, str], tuple[IntArray, IntArray]]) -> Fail | None:
     """Check every edge of a tree against the demonstrations.
 
     Args:
         tree: T.
-        first_steps: for every node but True, the step at which its predicate first holds in each demonstration,
-            shape (D,), NEVER where it does not; quantifiers instantiated over all entities of their type.
-        share: part of the demonstrations that must agree with an edge.
+        first_steps: for φ and the name of ψ, the steps at which they first hold in each crossing into ψ, (C,) each.
 
     Returns:
         None when every edge advances the task, otherwise the reason.
 
     Source:  Sec. 4.4.
-    Departs: φ ~> ψ is valid when φ first holds strictly before ψ first holds; the paper compares with φ's last step,
-        which rejects its own Eq. 2. Demonstrations that begin with ψ satisfied say nothing about what leads to ψ
-        and do not vote (unless they are more than a quarter).
+    Departs: φ ~> ψ is valid when φ holds once ψ first holds; the paper compares with φ's last step, which rejects its
+        own Eq. 2. Entities that begin with ψ satisfied say nothing about what leads to ψ and do not vote.
     """
     for phi, psi in tree.edges:
-        reached = first_steps[psi]
-        if np.mean(reached == 0) > max(0.25, 1.0 - share):
-            return Fail(f"{psi} already holds at the start of {np.mean(reached == 0):.0%} of the demonstrations")
-        if np.mean(reached == NEVER) > 1.0 - share:
-            return Fail(f"{psi} is never reached in {np.mean(reached == NEVER):.0%} of the demonstrations")
-        votes = reached > 0
-        if phi != TRUE and np.mean(first_steps[phi][votes] < reached[votes]) < share:
-            agree = np.mean(first_steps[phi][votes] < reached[votes])
-            return Fail(f"{phi} precedes {psi} in only {agree:.0%} of the demonstrations, expected {share:.0%}")
+        first, reached = first_steps(tree.node(phi), psi)
+        if not len(reached):
+            return Fail(f"no demonstration goes from not {psi} to {psi}")
+        if np.mean(first <= reached) < AGREEMENT:
+            return Fail(f"{phi} precedes {psi} in only {np.mean(first <= reached):.0%} of the demonstrations")
     return None

@@ -6,6 +6,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.envs.demonstrator import demonstrate
+from roboscribe.envs.styles import DEFAULT
 from roboscribe.io.demonstrations import write_demonstrations
 from stages import alone
 from stages.progress import Progress, Report, silent
@@ -19,22 +21,28 @@ class Config:
 
     Args:
         task: what is shown.
-        episodes: how many successful demonstrations.
+        episodes: how many demonstrations.
         seed: decides everything.
+        style: name of the style in which they are given.
+        failing: share of them that end without success.
     """
 
     task: TaskConfig
     episodes: int = 50
     seed: int = 0
+    style: str = DEFAULT
+    failing: float = 0.0
 
 
 def collect(config: Config, path: Path, report: Report = silent) -> str:
     """Write demonstrations to a file; returns its SHA-256."""
     task = config.task.make()
     report(Progress("demonstrations", 0, config.episodes, "episodes"))
-    shown = task.demonstrate(config.episodes, config.seed)
+    shown = demonstrate(task, config.episodes, config.seed, config.style, config.failing)
     report(Progress("demonstrations", len(shown), config.episodes, "episodes"))
     generator = f"roboscribe demonstrator of {task.name}, contact {config.task.contact}, timing {config.task.timing}"
+    generator += f", style {config.style}" * (config.style != DEFAULT)
+    generator += f", {config.failing:g} failing" * (config.failing > 0)
     return write_demonstrations(
         path, task.name, task.layout, task.frequency, shown, generator=generator, seed=config.seed
     )

@@ -48,17 +48,36 @@ class RolledOut:
 
 @dataclass(frozen=True)
 class Refined:
-    """A comparison of demonstrations and failures gave a subgoal."""
+    """A comparison of demonstrations and failures gave a subgoal.
+
+    Args:
+        refinement: with what was passed over and why.
+        table: its file.
+        tree: the tree with the subgoal.
+        explained: demonstrations that the program of this tree explains.
+        demonstrations: how many there are.
+    """
 
     refinement: Refinement
     table: Path
+    tree: Tree
+    explained: int
+    demonstrations: int
 
 
 @dataclass(frozen=True)
-class Grown:
-    """The subgoal stands in the tree."""
+class Abandoned:
+    """A line of refinements ended without a program that is good enough, and this is why; another is taken up."""
 
-    tree: Tree
+    reason: str
+
+
+@dataclass(frozen=True)
+class Removed:
+    """A subgoal was taken out again; the program succeeds as often without it."""
+
+    subgoal: str
+    success: float
 
 
 @dataclass(frozen=True)
@@ -93,6 +112,6 @@ class Failed:
 
 
 Event: TypeAlias = (
-    Ingested | Programmed | Trained | RolledOut | Refined | Grown | Evaluated | Packaged | Filmed | Failed
+    Ingested | Programmed | Trained | RolledOut | Refined | Abandoned | Removed | Evaluated | Packaged | Filmed | Failed
 )
 Listener: TypeAlias = Callable[[Event], None]

@@ -5,19 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, assert_never
 
-from roboscribe.classifier import Refinement
-from roboscribe.dsl.rewrite import controllers
-from roboscribe.dsl.syntax import Program
+from roboscribe import steps as core
+from roboscribe.classifier import Refinement, alternative
+from roboscribe.dsl.rewrite import controllers, walk
+from roboscribe.dsl.syntax import Program, Run, While
 from roboscribe.errors import Fail
+from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import Json, indented_json
+from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
+from roboscribe.steps import Decision, Outcome, Steps, explained
 from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.synthesize import Outcome, Steps
 from roboscribe.world.layout import FloatArray
 from stages import classify, generate, roll_out, skills, train, update_tree, validate
-from stages.events import Grown, Listener, Programmed, Refined, RolledOut, Trained
+from stages.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
 from stages.files import (
     EPISODES,
     FAILURES,
@@ -32,7 +35,10 @@ from stages.files import (
 )
 from stages.store import METRICS, AnyStage, Inputs
 from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json, tree_to_json
-from stages.world import TaskConfig
+from stages.world import TaskConfig, load_evidence
+
+CHECKED = 20
+"""Episodes after which a program that has become worse shows it: half of the successes lost are seen in 20."""
 
 
 class Call(Protocol):
@@ -103,18 +109,29 @@ class Staged:
 
     def steps(self) -> Steps[Library]:
         """Return the pieces of Algorithm 2."""
-        return Steps(self.generate, self.train, self.roll_out, self.classify, self.update_tree, self.validate)
+        return Steps(
+            generate=self.generate,
+            train=self.train,
+            roll_out=self.roll_out,
+            classify=self.classify,
+            alternative=lambda refinement, rank, tree: alternative(refinement, rank, self.evidence, tree),
+            update_tree=self.update_tree,
+            validate=self.validate,
+            explained=lambda program: explained(program, self.evidence),
+            check=self.check,
+            tell=self.decided,
+        )
+
+    @property
+    def evidence(self) -> Evidence:
+        """Demonstrations as the algorithms use them."""
+        return load_evidence(self.setting.demonstrations, self.setting.task)
 
     def generate(self, goal: str, tree: Tree) -> Program | Fail:
         """GENPROGRAM."""
         config = generate.Config(self.setting.task, goal, self.setting.name)
         out = self.call(f"generate program for {goal}", generate.STAGE, config, self.shown(tree))
-        fail = read_fail(out)
-        if fail is not None:
-            return fail
-        program = read_program(out / PROGRAM)
-        self.tell(Programmed(goal, program))
-        return program
+        return read_fail(out) or read_program(out / PROGRAM)
 
     def train(self, program: Program, goal: str, tree: Tree, library: Library) -> Library:
         """TRAINPROGRAM.
@@ -122,7 +139,8 @@ class Staged:
         Departs: a controller whose node got another predecessor since it was trained is trained afresh, for it now
             takes over in other states.
         """
-        grounds = {run.controller: _ground(tree, run.controller) for run in controllers(program)}
+        self.tell(Programmed(goal, program))
+        grounds = {run.controller: _ground(tree, program, run) for run in controllers(program)}
         new = [name for name, ground in grounds.items() if library.grounds.get(name) != ground]
         stale = tuple(name for name in new if name in library.grounds)
         setting = self.setting
@@ -135,31 +153,44 @@ class Staged:
 
     def roll_out(self, program: Program, goal: str, library: Library) -> Outcome:
         """Exec(M, P)."""
-        setting = self.setting
-        config = roll_out.Config(setting.task, goal, setting.seed, setting.episodes, setting.training.confirm)
-        inputs = {"program": self.program(program), **library.runnable()}
-        out = self.call(f"roll out {goal}", roll_out.STAGE, config, inputs)
+        out = self._roll_out(f"roll out {goal}", program, goal, library, self.setting.episodes)
         self.tell(RolledOut(goal, read_json(out / OUTCOME), out / EPISODES))
         return read_outcome(out)
+
+    def check(self, program: Program, goal: str, library: Library) -> Outcome:
+        """Exec(M, P) for a few episodes."""
+        episodes = min(CHECKED, self.setting.episodes)
+        return read_outcome(self._roll_out("check a shorter program", program, goal, library, episodes))
+
+    def _roll_out(self, label: str, program: Program, goal: str, library: Library, episodes: int) -> Path:
+        setting = self.setting
+        config = roll_out.Config(setting.task, goal, setting.seed, episodes, setting.training.confirm)
+        return self.call(label, roll_out.STAGE, config, {"program": self.program(program), **library.runnable()})
 
     def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:
         """LEARNCLASSIFIER."""
         inputs = {**self.shown(tree), "failures": self.put(FAILURES, failures_bytes(failures))}
         out = self.call(f"classify {goal}", classify.STAGE, classify.Config(self.setting.task, goal), inputs)
-        fail = read_fail(out)
-        if fail is not None:
-            return fail
-        refinement = read_refinement(out / REFINEMENT)
-        self.tell(Refined(refinement, out / REFINEMENT))
-        return refinement
+        return read_fail(out) or read_refinement(out / REFINEMENT)
+
+    def decided(self, decision: Decision) -> None:
+        """Tell what Algorithm 1 decides."""
+        match decision:
+            case core.Refined(refinement, tree, count, shown):
+                path = self.json(REFINEMENT, refinement_to_json(refinement))
+                self.tell(Refined(refinement, path, tree, count, shown))
+            case core.Abandoned(reason):
+                self.tell(Abandoned(reason))
+            case core.Removed(node, success):
+                self.tell(Removed(node, success))
+            case _:
+                assert_never(decision)
 
     def update_tree(self, tree: Tree, refinement: Refinement) -> Tree:
         """UPDATETREE."""
         inputs = {"tree": self.tree(tree), "refinement": self.json(REFINEMENT, refinement_to_json(refinement))}
         label = f"update tree with {refinement.node.name}"
-        grown = read_tree(self.call(label, update_tree.STAGE, update_tree.Config(), inputs) / TREE)
-        self.tell(Grown(grown))
-        return grown
+        return read_tree(self.call(label, update_tree.STAGE, update_tree.Config(), inputs) / TREE)
 
     def validate(self, tree: Tree) -> Fail | None:
         """VALIDATE."""
@@ -183,8 +214,7 @@ class Staged:
         return self.put(name, indented_json(value).encode())
 
 
-def _ground(tree: Tree, controller: str) -> Json:
-    """Describe what a controller follows on: its node's predecessors, and whether it is part of a loop."""
-    before: list[Json] = [node.name for node in tree.predecessors(controller)]
-    loops = [node.name for node in tree.nodes if node.circular]
-    return [before, any(controller in (name, *(node.name for node in tree.below(name))) for name in loops)]
+def _ground(tree: Tree, program: Program, run: Run) -> Json:
+    """Describe what a controller follows on: its node's predecessors, and whether a loop repeats it."""
+    before: list[Json] = [node.name for node in tree.predecessors(run.controller)] if run.controller != OPAQUE else []
+    return [before, any(run in controllers(part) for part in walk(program) if isinstance(part, While))]

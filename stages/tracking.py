@@ -13,20 +13,21 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, assert_never
 
 from roboscribe.dsl.printer import text
 from roboscribe.io.atomic import Json, write_file
 from stages.events import (
+    Abandoned,
     Evaluated,
     Event,
     Failed,
     Filmed,
-    Grown,
     Ingested,
     Packaged,
     Programmed,
     Refined,
+    Removed,
     RolledOut,
     Trained,
 )
@@ -42,7 +43,9 @@ IDENTITY = ("run", "kind", "key", "step")
 EVALUATION = "evaluation"
 STEPS = "steps"
 """Unit of progress that is a learner's."""
-_COLUMNS = ("predicate", "accepted", "initial", "kept", "first", "advances", "own_goal", "entities", "size", "margin")
+_COLUMNS = (
+    "predicate", "accepted", "initial", "kept", "first", "advances", "each", "bits", "entities", "size", "margin"
+)  # fmt: skip
 log = logging.getLogger(__name__)
 
 
@@ -133,14 +136,17 @@ class Tracker:
                 self._metrics(PARENT, {"rollout_success": _rate(event.counts)}, self._count("rollout"))
             case Refined():
                 self._refined(event)
-            case Grown(tree):
-                name = f"refinement {self._counts['refinement']}"
-                self._tree(name, self._file(f"{name}/{TREE}", _json_bytes(tree_to_json(tree))))
-                self._note(name, "status", "FINISHED", "FINISHED")
+            case Abandoned(reason):
+                number = self._count("abandoned")
+                self._note(PARENT, "tag", f"abandoned_{number}", reason, self.attempt)
+            case Removed(subgoal, success):
+                self._note(PARENT, "tag", f"removed_{subgoal}", f"{success:.3f} without it", self.attempt)
             case Evaluated(figures, table):
                 self._evaluated(figures, table)
             case Packaged() | Filmed() | Failed():
                 self._ending(event)
+            case _:
+                assert_never(event)
 
     def _ending(self, event: Packaged | Filmed | Failed) -> None:
         match event:
@@ -151,6 +157,8 @@ class Tracker:
                 self._note(PARENT, "artifact", "video", str(video), folder="")
             case Failed(reason):
                 self._note(PARENT, "tag", "reason", reason, self.attempt)
+            case _:
+                assert_never(event)
 
     def _ingested(self, report: Mapping[str, Any]) -> None:
         digest = str(report["digest"])
@@ -188,17 +196,23 @@ class Tracker:
         refinement, name = event.refinement, f"refinement {self._count('refinement')}"
         tried = self._last
         assert tried is not None, "a refinement follows a rollout"
-        about = {"goal": refinement.psi, "subgoal": refinement.node.name, "reused": str(refinement.reused)}
+        about = {"goal": refinement.psi, "subgoal": refinement.node.name, "loop": str(refinement.node.circular)}
         phi = text(refinement.node.predicate)
         self._params(name, {"kind": "refinement", "subject": refinement.node.name, "predicate": phi, **about})
         counts = tried.counts
         figures = {"success": _rate(counts), "episodes": counts["episodes"], "env_steps": counts["control_steps"]}
-        self._metrics(name, {**figures, "negatives": refinement.negatives, "positives": refinement.positives}, 0)
+        samples = {"negatives": refinement.negatives, "positives": refinement.positives}
+        parsed = {"explained": event.explained, "demonstrations": event.demonstrations}
+        self._metrics(name, {**figures, **samples, **parsed}, 0)
+        passed: Json = {"columns": ["predicate", "why not"], "data": [list(pair) for pair in refinement.passed_over]}
+        self._table(name, self._file(f"{name}/passed_over.json", _json_bytes(passed)))
         rows: list[Json] = [[_cell(getattr(c, column)) for column in _COLUMNS] for c in refinement.table]
         table: Json = {"columns": list(_COLUMNS), "data": rows}
         self._table(name, self._file(f"{name}/predicates.json", _json_bytes(table)))
         self._table(name, tried.table)
         self._note(name, "artifact", "refinement", str(event.table), folder="")
+        self._tree(name, self._file(f"{name}/{TREE}", _json_bytes(tree_to_json(event.tree))))
+        self._note(name, "status", "FINISHED", "FINISHED")
 
     def _evaluated(self, figures: Mapping[str, Any], table: Path) -> None:
         self._params(EVALUATION, {"kind": "evaluation", "subject": "program"})

@@ -27,7 +27,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         refinement: the subgoal and what it is a subgoal of.
     """
     refinement = read_refinement(inputs["refinement"])
-    tree = update_tree(read_tree(inputs["tree"]), refinement.node, refinement.psi, refinement.moved)
+    tree = update_tree(read_tree(inputs["tree"]), refinement.node, refinement.psi, refinement.place)
     write_json(out / TREE, tree_to_json(tree))
 
 

@@ -31,7 +31,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     """
     evidence = load_evidence(inputs["demonstrations"], config.task)
     tree = read_tree(inputs["tree"])
-    invalid = validate(tree, evidence.first_steps_of(tree))
+    invalid = validate(tree, lambda phi, psi: evidence.edge_steps(tree, phi, psi))
     if invalid is not None:
         write_fail(out, invalid)
     else:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.printer import text
 from roboscribe.errors import ArtifactError, RoboScribeError
 from roboscribe.io.atomic import Json
-from roboscribe.search.predicates import Candidate
-from roboscribe.subtask_tree import Node, Tree
+from roboscribe.search.candidates import Candidate
+from roboscribe.subtask_tree import Node, Place, Tree
 from roboscribe.synthesize import Outcome
 from roboscribe.world.layout import FloatArray
 from stages.files import FAILURES, OUTCOME, read_json
@@ -53,10 +53,10 @@ def refinement_to_json(refinement: Refinement) -> dict[str, Json]:
     return {
         "psi": refinement.psi,
         "node": _node_to_json(refinement.node),
-        "reused": refinement.reused,
         "positives": refinement.positives,
         "negatives": refinement.negatives,
-        "moved": [_node_to_json(node) for node in refinement.moved],
+        "place": asdict(refinement.place),
+        "passed_over": [list(pair) for pair in refinement.passed_over],
         "table": [_candidate_to_json(candidate) for candidate in refinement.table],
     }
 
@@ -72,11 +72,11 @@ def read_refinement(path: Path) -> Refinement:
         return Refinement(
             psi=str(value["psi"]),
             node=_node_from_json(value["node"]),
-            reused=bool(value["reused"]),
             table=tuple(_candidate_from_json(row) for row in value["table"]),
             positives=int(value["positives"]),
             negatives=int(value["negatives"]),
-            moved=tuple(_node_from_json(node) for node in value["moved"]),
+            place=Place(str(value["place"]["before"]), bool(value["place"]["apart"])),
+            passed_over=tuple((str(phi), str(why)) for phi, why in value["passed_over"]),
         )
     except (KeyError, TypeError, ValueError, RoboScribeError) as error:
         msg = f"{path}: found no refinement ({error})"

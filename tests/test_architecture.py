@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,7 +25,9 @@ LAYERS = {
     "classifier": TREE,
     "loop_guard": TREE,
     "program_gen": TREE | {"loop_guard"},
-    "synthesize": TREE | {"program_gen", "classifier"},
+    "steps": TREE | {"program_gen", "classifier"},
+    "best_first": TREE | {"classifier", "steps"},
+    "synthesize": TREE | {"steps", "best_first"},
     "envs": LANGUAGE | {"reward"},
     "rl": LANGUAGE | {"reward"},
     "baselines": LANGUAGE | {"reward", "rl"},
@@ -33,6 +37,8 @@ LAYERS = {
 CORE = set(LAYERS) - {"envs", "rl", "baselines", "io"}
 """The algorithms: values in, values out."""
 EFFECTS = {"torch", "mujoco", "pyarrow", "mlflow", "prefect"}
+HEAVY = EFFECTS | {"sklearn", "scipy", "pandas", "matplotlib"}
+"""Packages that take from tenths of a second to seconds to import, and that importing the algorithms must not cost."""
 
 
 def imports(path: Path) -> Iterator[str]:
@@ -59,6 +65,10 @@ def named(path: Path) -> str:
     return str(path.relative_to(ROOT))
 
 
+def dotted(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
 @pytest.mark.parametrize("path", files("roboscribe"), ids=named)
 def test_the_library_imports_downwards_only(path: Path) -> None:
     own = part(path)
@@ -72,6 +82,15 @@ def test_the_library_imports_downwards_only(path: Path) -> None:
 @pytest.mark.parametrize("path", [path for path in files("roboscribe") if part(path) in CORE], ids=named)
 def test_the_algorithms_have_no_effects(path: Path) -> None:
     assert not {module.partition(".")[0] for module in imports(path)} & EFFECTS
+
+
+def test_importing_the_algorithms_loads_numpy_alone() -> None:
+    core = [dotted(path) for path in files("roboscribe") if part(path) in CORE]
+    assert "roboscribe.synthesize" in core
+    script = f"import sys, {', '.join(core)}; print(*{{name.partition('.')[0] for name in sys.modules}})"
+    loaded = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    heavy = set(loaded.stdout.split()) & HEAVY
+    assert not heavy, f"importing the algorithms imports {', '.join(sorted(heavy))}; import them where they are used"
 
 
 @pytest.mark.parametrize("path", files("stages"), ids=named)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import TypeAlias
+from typing import TypeAlias, assert_never
 
 from roboscribe.dsl.lexer import Cursor, Token
 from roboscribe.dsl.printer import RESERVED
@@ -194,11 +194,14 @@ class Expressions:
                 return Less(self._as_term(*left), self._as_term(*right))
             case "-":
                 return Diff(self._as_term(*left), self._as_term(*right))
-            case _:
+            case ">":
                 bound = self._as_term(*right)
                 if not isinstance(bound, Const):
                     self._cursor.fail("expected a number on the right of '>' (write a < b instead of b > a)", right[1])
                 return Greater(self._as_term(*left), bound)
+            case unknown:
+                msg = f"{unknown!r} stands in _LEVELS, but how it joins two operands is written nowhere"
+                raise AssertionError(msg)
 
     def _operand(self) -> _Expression:
         cursor = self._cursor
@@ -274,12 +277,12 @@ class Expressions:
         return Var(self._cursor.name("a variable", NAMES_NO_VARIABLE))
 
     def _as_predicate(self, found: _Expression, start: Token) -> Predicate:
-        if isinstance(found, Proj | Diff | Norm | Arctan2 | Const):
+        if isinstance(found, Term):
             self._cursor.fail("expected a predicate, not a term that stands alone", start)
         return found
 
     def _as_term(self, found: _Expression, start: Token) -> Term:
-        if not isinstance(found, Proj | Diff | Norm | Arctan2 | Const):
+        if not isinstance(found, Term):
             self._cursor.fail("expected a term, not a predicate", start)
         return found
 
@@ -293,5 +296,7 @@ def _quantifiers(p: Predicate) -> int:
             return _quantifiers(of)
         case And(left, right) | Or(left, right):
             return max(_quantifiers(left), _quantifiers(right))
-        case _:
+        case Less() | Greater() | NotNull() | Truth() | Solved():
             return 0
+        case _:
+            assert_never(p)

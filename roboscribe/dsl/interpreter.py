@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -16,7 +16,7 @@ from roboscribe.dsl.rollouts import Episode, Rollouts, Tape, gather
 from roboscribe.dsl.semantics import SolvedTest
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ProgramError
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
 from roboscribe.world.protocols import Task, World
 from roboscribe.world.trajectory import Trajectory
 
@@ -158,7 +158,7 @@ class _Execution:
         lines = self.machine.run_index[rows]
         actions = self._command(lines, self._states[rows], self.machine.entities(rows))
         states = self.world.step(rows, actions)
-        self.tape.step(rows, actions, lines, states)
+        self.tape.step(rows, actions, lines, self.machine.served[rows], states)
         self._states[rows] = states
         self._diverged[rows] = self.world.diverged(rows)
 
@@ -230,3 +230,36 @@ def segment(
         elif found:
             found[-1] = replace(found[-1], stop=frame + 1)
     return tuple(found)
+
+
+def explains(program: Program, trajectories: Sequence[Trajectory], solved: SolvedTest) -> BoolArray:
+    """Tell which demonstrations a program explains: each reaches what it asks for, in its order.
+
+    The program is advanced along the demonstrated states. It explains a demonstration in which it comes to its end, or
+    to its last controller, for the last entity of a loop, where the demonstration ends as soon as the task is solved.
+
+    Args:
+        program: what to advance.
+        trajectories: D demonstrations, entities named by the order in which they are displaced.
+        solved: answers ψ_R.
+
+    Returns:
+        (D,).
+    """
+    layout, count = trajectories[0].layout, len(trajectories)
+    machine = Machine(program, layout, count, limits={}, confirm=1, solved=solved)
+    lengths = np.array([len(t) for t in trajectories])
+    for frame in range(lengths.max()):
+        rows = np.flatnonzero(lengths > frame)
+        machine.advance(rows, np.stack([trajectories[row].states[frame] for row in rows]))
+    ended: BoolArray = machine.ended & ~machine.stuck
+    rows = np.flatnonzero(~machine.ended)
+    last, served = machine.run_index.copy(), machine.served.copy()
+    machine.skip(rows)
+    machine.advance(
+        rows, np.stack([trajectories[row].states[-1] for row in rows] or [np.empty(layout.size)])[: len(rows)]
+    )
+    again = (machine.served == served) & (served != NULL) & (machine.run_index <= last)
+    solved_at_last = np.array([bool(solved(t.states).any()) for t in trajectories])
+    explained: BoolArray = ended | (solved_at_last & ~machine.stuck & (machine.ended | again))
+    return explained

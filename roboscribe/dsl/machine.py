@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import assert_never
 
 import numpy as np
 from numpy.random import Generator
@@ -70,6 +71,8 @@ class Machine:
         """The program is over, or the row is stuck. (B,)"""
         self.stuck: BoolArray = np.zeros(batch, dtype=np.bool_)
         """The row went round in control flow without a controller to run. (B,)"""
+        self.served: IntArray = np.full(batch, NULL, dtype=np.int64)
+        """Entity that the innermost loop around the acting controller serves, NULL outside loops over entities. (B,)"""
         self.bound: list[list[int]] = [[] for _ in range(batch)]
         """Entities in the order in which get first bound them, by row."""
 
@@ -79,7 +82,7 @@ class Machine:
             values[rows] = NULL
         for counts in (self._place, self._steps, self._streak, self.visit):
             counts[rows] = 0
-        self._entities[rows] = NULL
+        self._entities[rows] = self.served[rows] = NULL
         self.run_index[rows] = -1
         self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
         for row in rows:
@@ -108,6 +111,11 @@ class Machine:
             rows, states = rows[going], states[going]
         self.stuck[rows] = self.ended[rows] = True
 
+    def skip(self, rows: IntArray) -> None:
+        """Go on in some rows as if what the acting controller is to bring about had been reached."""
+        self._place[rows] += 1
+        self._resting[rows] = False
+
     def _execute_all(self, rows: IntArray, states: FloatArray) -> BoolArray:
         """Execute one instruction in every row; return which (R,) have another to execute in this state."""
         places = self._place[rows]
@@ -120,12 +128,13 @@ class Machine:
         return going
 
     def _execute(self, place: int, rows: IntArray, states: FloatArray) -> BoolArray:
-        match self._code[place]:
-            case Act() as act:
-                return self._act(act, rows, states)
-            case Bind() as bind:
-                null = self._bind(bind, rows, states)
-                self._place[rows] = np.where(null & (bind.null != NOWHERE), bind.null, place + 1)
+        instruction = self._code[place]
+        match instruction:
+            case Act():
+                return self._act(instruction, rows, states)
+            case Bind():
+                null = self._bind(instruction, rows, states)
+                self._place[rows] = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
             case Branch(predicate, needs, otherwise):
                 true = self._holds(predicate, needs, rows, states)
                 self._place[rows] = np.where(true, place + 1, otherwise)
@@ -134,6 +143,8 @@ class Machine:
             case End():
                 self.ended[rows] = True
                 return np.zeros(len(rows), dtype=np.bool_)
+            case _:
+                assert_never(instruction)
         return np.ones(len(rows), dtype=np.bool_)
 
     def _act(self, act: Act, rows: IntArray, states: FloatArray) -> BoolArray:
@@ -158,6 +169,8 @@ class Machine:
         self._steps[rows] = self._streak[rows] = 0
         self.run_index[rows] = act.index
         self.visit[rows] += 1
+        loop = self._code[act.head] if act.head != NOWHERE else None
+        self.served[rows] = self._binding[loop.var][rows] if isinstance(loop, Bind) else NULL
         self._entities[rows] = NULL
         for column, name in enumerate(act.variables):
             self._entities[rows, column] = self._lookup(name, rows)

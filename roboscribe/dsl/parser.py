@@ -165,10 +165,7 @@ class _Statements:
                 case "if":
                     self._cursor.take()
                     return self._if(token, column)
-                case _ if self._cursor.ahead().value == ":=":
-                    return self._get()
-                case _:
-                    return self._run()
+            return self._get() if self._cursor.ahead().value == ":=" else self._run()
 
     def _if(self, head: Token, column: Column) -> If:
         test = self._expressions.predicate()

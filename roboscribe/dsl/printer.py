@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TypeAlias, assert_never
 
 from roboscribe.dsl.rewrite import Node, children, controllers, free_vars, rename, size, uses_robot
@@ -61,8 +62,10 @@ def text(node: Node) -> str:
             return _object(node)
         case Proj() | Diff() | Norm() | Arctan2() | Const():
             return _term(node)
-        case _:
+        case Less() | Greater() | NotNull() | Not() | And() | Or() | Exists() | Truth() | Solved():
             return _predicate(node, _nameless)
+        case _:
+            assert_never(node)
 
 
 def _object(item: Object) -> str:
@@ -107,19 +110,21 @@ def _predicate(p: Predicate, named: Namer, last: bool = True) -> str:
         return name
     match p:
         case Not(of):
-            return f"¬{_operand(of, (Less, Greater, NotNull, And, Or), named, last)}"
+            return f"¬{_operand(of, _Level.WHOLE, named, last)}"
         case And(left, right):
-            return f"{_operand(left, (Or,), named, False)} ∧ {_operand(right, (And, Or), named, last)}"
+            return f"{_operand(left, _Level.AND, named, False)} ∧ {_operand(right, _Level.COMPARED, named, last)}"
         case Or(left, right):
-            return f"{_operand(left, (), named, False)} ∨ {_operand(right, (Or,), named, last)}"
+            return f"{_operand(left, _Level.OR, named, False)} ∨ {_operand(right, _Level.AND, named, last)}"
         case Exists(var, kind, body):
             whole = f"∃{var.name}:{kind}. {_predicate(body, named)}"
             return whole if last else f"({whole})"
-        case _:
+        case Less() | Greater() | NotNull() | Truth() | Solved():
             return _leaf(p)
+        case _:
+            assert_never(p)
 
 
-def _leaf(p: Truth | Solved | Less | Greater | NotNull) -> str:
+def _leaf(p: Less | Greater | NotNull | Truth | Solved) -> str:
     match p:
         case Truth():
             return "true"
@@ -135,9 +140,32 @@ def _leaf(p: Truth | Solved | Less | Greater | NotNull) -> str:
             assert_never(p)
 
 
-def _operand(p: Predicate, looser: tuple[type[Predicate], ...], named: Namer, last: bool) -> str:
-    """Print an operand, in parentheses where its own operator binds less tightly."""
-    if isinstance(p, looser) and named(p) is None:
+class _Level(IntEnum):
+    """How tightly a predicate holds together; where a tighter one is needed, it takes parentheses."""
+
+    OR = 1
+    AND = 2
+    COMPARED = 3
+    WHOLE = 4
+
+
+def _level(p: Predicate) -> _Level:
+    match p:
+        case Or():
+            return _Level.OR
+        case And():
+            return _Level.AND
+        case Less() | Greater() | NotNull():
+            return _Level.COMPARED
+        case Not() | Exists() | Truth() | Solved():
+            return _Level.WHOLE
+        case _:
+            assert_never(p)
+
+
+def _operand(p: Predicate, needed: _Level, named: Namer, last: bool) -> str:
+    """Print an operand, in parentheses where its own operator binds less tightly than needed."""
+    if _level(p) < needed and named(p) is None:
         return f"({_predicate(p, named)})"
     return _predicate(p, named, last)
 
@@ -201,9 +229,23 @@ def _match(pattern: Node, node: Node, bound: frozenset[str], mapping: dict[str, 
         return mapping.setdefault(pattern.name, node.name) == node.name
     if type(pattern) is not type(node):
         return False
-    if isinstance(pattern, Exists):
-        bound |= {pattern.var.name}
-    return all(_match(a, b, bound, mapping) for a, b in zip(children(pattern), children(node), strict=True))
+    inner = bound | _bound_by(pattern)
+    return all(_match(a, b, inner, mapping) for a, b in zip(children(pattern), children(node), strict=True))
+
+
+def _bound_by(node: Node) -> frozenset[str]:
+    """Return the variables that a node binds in its own parts."""
+    match node:
+        case Exists(var) | Get(var):
+            return frozenset([var.name])
+        case Robot() | Var() | Goal() | Proj() | Diff() | Norm() | Arctan2() | Const():
+            return frozenset()
+        case Less() | Greater() | NotNull() | Not() | And() | Or() | Truth() | Solved():
+            return frozenset()
+        case Seq() | While() | If() | Run() | Program():
+            return frozenset()
+        case _:
+            assert_never(node)
 
 
 def definitions(program: Program) -> tuple[Definition, ...]:

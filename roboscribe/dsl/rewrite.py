@@ -124,15 +124,41 @@ def _free(node: Node, bound: frozenset[str], found: dict[str, None]) -> frozense
         case If(test, then, otherwise):
             _free(test, bound, found)
             return _free(then, bound, found) & _free(otherwise, bound, found)
+        case Robot() | Goal() | Proj() | Diff() | Norm() | Arctan2() | Const() | Seq() | Run() | Program():
+            pass
+        case Less() | Greater() | NotNull() | Not() | And() | Or() | Truth() | Solved():
+            pass
         case _:
-            for child in children(node):
-                bound = _free(child, bound, found)
-            return bound
+            assert_never(node)
+    for child in children(node):
+        bound = _free(child, bound, found)
+    return bound
 
 
 def assigned(node: Statement | Program) -> tuple[str, ...]:
     """Return the variables that some get assigns, in order of first occurrence."""
-    return tuple(dict.fromkeys(part.var.name for part in walk(node) if isinstance(part, Get)))
+    return tuple(dict.fromkeys(_assigned(node)))
+
+
+def _assigned(node: Statement | Program) -> Iterator[str]:
+    match node:
+        case Get(var):
+            yield var.name
+        case While(guard, body):
+            yield from _assigned(guard) if isinstance(guard, Get) else ()
+            yield from _assigned(body)
+        case If(_, then, otherwise):
+            yield from _assigned(then)
+            yield from _assigned(otherwise)
+        case Seq(parts):
+            for part in parts:
+                yield from _assigned(part)
+        case Program(_, body):
+            yield from _assigned(body)
+        case Run():
+            pass
+        case _:
+            assert_never(node)
 
 
 @overload
@@ -149,11 +175,11 @@ def rename(node: Predicate | Term | Object | Statement, mapping: Renaming) -> Pr
     In a predicate the free variables are renamed; a bound one that would capture a new name takes primes. In a
     statement a variable is renamed wherever it is used or assigned; one assigned there that would clash takes primes.
     """
-    if isinstance(node, Seq | While | If | Get | Run):
+    if isinstance(node, Statement):
         return _rename_statement(node, _avoid(node, mapping))
-    if isinstance(node, Robot | Var | Goal):
+    if isinstance(node, Object):
         return _rename_object(node, mapping)
-    if isinstance(node, Proj | Diff | Norm | Arctan2 | Const):
+    if isinstance(node, Term):
         return _rename_term(node, mapping)
     return _rename_predicate(node, mapping)
 
@@ -278,8 +304,10 @@ def negation_normal_form(p: Predicate) -> Predicate:
             return Exists(var, kind, negation_normal_form(body))
         case Not(of):
             return _negated(of)
-        case _:
+        case Less() | Greater() | NotNull() | Truth() | Solved():
             return p
+        case _:
+            assert_never(p)
 
 
 def _negated(p: Predicate) -> Predicate:
@@ -290,8 +318,10 @@ def _negated(p: Predicate) -> Predicate:
             return Or(_negated(left), _negated(right))
         case Or(left, right):
             return And(_negated(left), _negated(right))
-        case _:
+        case Less() | Greater() | NotNull() | Exists() | Truth() | Solved():
             return Not(negation_normal_form(p))
+        case _:
+            assert_never(p)
 
 
 def exist_quant(p: Predicate, types: Mapping[str, str]) -> Predicate:
@@ -313,8 +343,10 @@ def conjuncts(p: Predicate) -> tuple[Predicate, ...]:
             return (*conjuncts(left), *conjuncts(right))
         case Truth():
             return ()
-        case _:
+        case Less() | Greater() | NotNull() | Not() | Or() | Exists() | Solved():
             return (p,)
+        case _:
+            assert_never(p)
 
 
 def conjunction(predicates: tuple[Predicate, ...] | list[Predicate]) -> Predicate:
@@ -339,8 +371,10 @@ def _anonymous(p: Predicate, level: int) -> Predicate:
             return And(_anonymous(left, level), _anonymous(right, level))
         case Or(left, right):
             return Or(_anonymous(left, level), _anonymous(right, level))
-        case _:
+        case Less() | Greater() | NotNull() | Truth() | Solved():
             return p
+        case _:
+            assert_never(p)
 
 
 def seq(*statements: Statement) -> Statement:

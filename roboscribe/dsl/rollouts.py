@@ -22,6 +22,7 @@ class Rollouts:
         bound: entities in the order in which the program first bound them, by episode.
         control_steps: control steps simulated, over all episodes.
         lines: index into `controllers(program)` of what acted at each step, (T,) by episode; -1 for nothing.
+        served: entity that the innermost loop was serving at each step, (T,) by episode; NULL outside loops.
     """
 
     layout: Layout
@@ -31,6 +32,7 @@ class Rollouts:
     bound: tuple[tuple[int, ...], ...]
     control_steps: int
     lines: tuple[IntArray, ...]
+    served: tuple[IntArray, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class Episode:
 
     trajectory: Trajectory
     lines: IntArray
+    served: IntArray
     success: bool
     diverged: bool
     bound: tuple[int, ...]
@@ -54,6 +57,7 @@ def gather(layout: Layout, episodes: list[Episode]) -> Rollouts:
         bound=tuple(each.bound for each in episodes),
         control_steps=sum(len(each.lines) for each in episodes),
         lines=tuple(each.lines for each in episodes),
+        served=tuple(each.served for each in episodes),
     )
 
 
@@ -75,6 +79,7 @@ class Tape:
         self._states = np.empty((batch, horizon + 1, layout.size))
         self._actions = np.empty((batch, horizon, actions))
         self._lines = np.empty((batch, horizon), dtype=np.int64)
+        self._served = np.empty((batch, horizon), dtype=np.int64)
         self.steps: IntArray = np.zeros(batch, dtype=np.int64)
         """Control steps since the start of each row's episode. (B,)"""
 
@@ -83,12 +88,13 @@ class Tape:
         self.steps[rows] = 0
         self._states[rows, 0] = states
 
-    def step(self, rows: IntArray, actions: FloatArray, lines: IntArray, states: FloatArray) -> None:
+    def step(self, rows: IntArray, actions: FloatArray, lines: IntArray, served: IntArray, states: FloatArray) -> None:
         """Append one step: actions (R, A) of the controllers `lines` (R,), and the states (R, F) they led to."""
         now = self.steps[rows]
         if self._actions.shape[-1]:
             self._actions[rows, now] = actions
         self._lines[rows, now] = lines
+        self._served[rows, now] = served
         self._states[rows, now + 1] = states
         self.steps[rows] = now + 1
 
@@ -97,4 +103,5 @@ class Tape:
         steps = int(self.steps[row])
         actions = self._actions[row, :steps].copy() if self._actions.shape[-1] else None
         trajectory = Trajectory(self._layout, self._states[row, : steps + 1].copy(), actions)
-        return Episode(trajectory, self._lines[row, :steps].copy(), success, diverged, tuple(bound))
+        lines, served = self._lines[row, :steps].copy(), self._served[row, :steps].copy()
+        return Episode(trajectory, lines, served, success, diverged, tuple(bound))

@@ -1,122 +1,97 @@
-"""A scripted demonstrator for the Fetch scene with one block, and demonstrations with correlated noise.
-
-Its command is a smooth function of the observed state alone (hand, finger opening, block, goal), so that a learner
-without memory can imitate it. Hand and block move in funnels: the farther from the axis above the target, the higher.
-"""
+"""Demonstrations of Fetch tasks: a script without memory, noise that lasts, and a style in which it is all done."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
+from roboscribe.envs.performer import Performer
+from roboscribe.envs.styles import DEFAULT, STYLES, Style, choices
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.protocols import Task, World
 from roboscribe.world.trajectory import Trajectory
 
-GAIN = 16.0
-"""Commanded displacement per metre of error, in actions."""
-GRIP = 0.053
-"""The fingers have closed on a block when they are nearer than this, m."""
-OPEN = 0.085
-"""Fingers wider than this pass a block on both sides, m."""
-NEAR = 0.02
-"""The hand is around a block when their centres are closer than this, m."""
-TIP_BLOCK, TIP_GOAL = 0.012, 0.02
-"""Hand and block come down within this distance of the axis, m."""
-LOW_FETCH, LOW_CARRY = 0.06, 0.04
-"""Height of approach to a block, and to its goal, m."""
-HOVER = 0.06
-"""Fingers that are not open yet keep this high above the block, m."""
-PINCH = 0.6
-"""Finger command, well beyond what saturates the fingers and well within what noise can reverse."""
-STAY = 10
-"""An episode ends when the task has been solved for this many states in a row."""
-SPREAD = np.array([0.15, 0.15, 0.15, 0.1])
-"""Standard deviation of the noise."""
 MEMORY = 0.7
 """Correlation of the noise from one step to the next."""
 BATCH = 64
 """Episodes run at once."""
 LEAST = 0.5
 """Share of episodes that must succeed for a demonstrator to be one."""
-
-
-def ramp(values: FloatArray, low: float, high: float) -> FloatArray:
-    """Rise linearly from 0 at `low` to 1 at `high`."""
-    return np.clip((values - low) / (high - low), 0.0, 1.0)
-
-
-def funnel(radius: FloatArray, tip: float, top: float) -> FloatArray:
-    """Height to keep at a horizontal distance: 0 within `tip`, then three times as steep as wide, up to `top`."""
-    return np.clip(3.0 * (radius - tip), 0.0, top)
-
-
-def command(states: FloatArray) -> FloatArray:
-    """Decide the noiseless action for one block: open, come down on it, close, carry it to its goal from above.
-
-    Args:
-        states: (R, 19) states of a Fetch scene.
-
-    Returns:
-        (R, 4) actions in [-1, 1].
-    """
-    hand, opening, block, goal = states[:, :3], states[:, 3], states[:, 7:10], states[:, 16:19]
-    around = np.linalg.norm(block - hand, axis=1) < NEAR
-    closed = ramp(-opening, -GRIP - 0.003, -GRIP)[:, None]
-    carry = closed * _route(block, goal, TIP_GOAL, LOW_CARRY)
-    move = GAIN * np.where(around[:, None] & (closed > 0), carry, _fetch(hand, opening, block, around))
-    return np.concatenate([np.clip(move, -1.0, 1.0), np.where(around, -PINCH, PINCH)[:, None]], axis=1)
-
-
-def _fetch(hand: FloatArray, opening: FloatArray, block: FloatArray, around: BoolArray) -> FloatArray:
-    """Displacement (R, 3) towards the block through a funnel above it, and down only with open fingers."""
-    gap = _route(hand, block, TIP_BLOCK, LOW_FETCH)
-    narrow = np.where(around, 0.0, HOVER * ramp(-opening, -OPEN, -OPEN + 0.03))
-    gap[:, 2] = np.maximum(gap[:, 2], block[:, 2] - hand[:, 2] + narrow)
-    return gap
-
-
-def _route(start: FloatArray, end: FloatArray, tip: float, low: float) -> FloatArray:
-    """Displacement (R, 3) from `start` towards `end`, coming down a funnel within `tip` of the axis above `end`."""
-    gap = end - start
-    gap[:, 2] += funnel(np.linalg.norm(gap[:, :2], axis=1), tip, low)
-    return gap
+MOST_FAILING = 0.5
+"""Greatest share of the demonstrations that may be asked to fail."""
+BROKEN_OFF = (0.25, 0.85)
+"""A demonstration is broken off after this share of the steps to its goal."""
+SHORTEST = 5
+"""Steps that a broken-off demonstration has, at least."""
+HABITS, FAILURES, FAILING_HABITS = 1, 2, 3
+"""Random numbers of their own: what performers do, episodes that fail, and what performers do in those."""
 
 
 @dataclass(frozen=True)
-class Style:
-    """How demonstrations are given.
+class Script:
+    """What is done, apart from how.
 
     Args:
         command: the noiseless action (R, 4) in states (R, F).
+        above: the same, crossing well above everything and coming down vertically.
         spread: (4,) standard deviation of the noise.
         share: the share (R,) of the noise that is applied in states (R, F).
     """
 
     command: Callable[[FloatArray], FloatArray]
+    above: Callable[[FloatArray], FloatArray]
     spread: FloatArray
     share: Callable[[FloatArray], FloatArray]
 
+    def commands(self, states: FloatArray, above: BoolArray) -> FloatArray:
+        """Decide the noiseless action (R, 4) in states (R, F), from well above in those rows (R,) where asked to."""
+        actions = self.command(states)
+        if above.any():
+            actions[above] = self.above(states[above])
+        return actions
 
-SINGLE = Style(command, SPREAD, lambda states: np.ones(len(states)))
-"""One block."""
+
+@runtime_checkable
+class Scripted(Task, Protocol):
+    """A task in a Fetch scene that a script solves."""
+
+    @property
+    def script(self) -> Script:
+        """What solves it."""
 
 
 @dataclass
 class Episode:
-    """One running episode: its own random numbers, its noise, and what was recorded."""
+    """One running episode: its own random numbers, its noise, who performs it, and what was recorded."""
 
     seed: int
     rng: Generator
+    performer: Performer
     states: list[FloatArray] = field(default_factory=list)
     actions: list[FloatArray] = field(default_factory=list)
     snapshots: list[FloatArray] = field(default_factory=list)
     noise: FloatArray = field(default_factory=lambda: np.zeros(4))
     solved: int = 0
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the task has been solved for as long as the style wants."""
+        return self.solved == self.performer.style.after
+
+    def over(self, horizon: int) -> bool:
+        """Tell whether nothing more is to be done in a task of this horizon."""
+        late = len(self.actions) >= round(horizon * self.performer.style.patience)
+        return late or self.succeeded or self.performer.left
+
+    def act(self, scripted: FloatArray, spread: FloatArray, share: float) -> FloatArray:
+        """Turn the script's action (4,) into the performer's, with noise."""
+        action, disturbed = self.performer.act(self.states[-1], scripted, self.solved > 0)
+        return self.disturb(action, spread, share * disturbed)
 
     def disturb(self, action: FloatArray, spread: FloatArray, share: float) -> FloatArray:
         """Add a share of the next correlated noise (Ornstein-Uhlenbeck) to an action (4,), within its bounds."""
@@ -131,63 +106,140 @@ class Episode:
         self.solved = self.solved + 1 if solved else 0
 
 
-def start(seed: int, index: int) -> Episode:
-    """Prepare episode `index` of a seed; it depends on nothing else."""
-    rng = np.random.default_rng(np.random.SeedSequence((seed, index)))
-    return Episode(int(rng.integers(2**62)), rng)
-
-
-def collect(task: Task, episodes: int, seed: int, style: Style = SINGLE) -> list[Trajectory]:
-    """Collect successful noisy demonstrations of a Fetch task.
+def start(seed: int, index: int, styles: Sequence[Style] = (STYLES[DEFAULT],), *, failing: bool = False) -> Episode:
+    """Prepare episode `index` of a seed; it depends on nothing else.
 
     Args:
-        task: its layout is that of a Fetch scene.
-        episodes: how many to return.
-        seed: decides everything; a longer collection starts with the shorter one.
-        style: how it is done.
+        seed: decides everything.
+        index: which episode.
+        styles: it draws one of them.
+        failing: an episode of a failing demonstration; in half of them the block is dropped and left.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence((seed, index, FAILURES) if failing else (seed, index)))
+    habits = np.random.default_rng(np.random.SeedSequence((seed, index, FAILING_HABITS if failing else HABITS)))
+    style = styles[int(habits.integers(len(styles)))]
+    return Episode(int(rng.integers(2**62)), rng, Performer(style, habits, failing and bool(habits.random() < 0.5)))
+
+
+def demonstrate(task: Task, episodes: int, seed: int, style: str = DEFAULT, failing: float = 0.0) -> list[Trajectory]:
+    """Collect demonstrations of any task in a named style.
+
+    Args:
+        task: tasks without a script know the default style only, and no failures.
+        episodes: how many.
+        seed: decides everything.
+        style: one of `style_names()`.
+        failing: share of the demonstrations that end without success.
 
     Raises:
-        TaskError: fewer than half of the attempts succeed.
+        TaskError: an unknown style, one that the task does not know, or a share outside 0 to `MOST_FAILING`.
     """
-    world = task.world(min(BATCH, max(episodes, 1)))
+    styles = choices(style)
+    if not 0.0 <= failing <= MOST_FAILING:
+        msg = f"a share of {failing:g} failing demonstrations: expected 0 to {MOST_FAILING:g}"
+        raise TaskError(msg)
+    if style == DEFAULT and failing == 0:
+        return task.demonstrate(episodes, seed)
+    if not isinstance(task, Scripted):
+        msg = f"{task.name} has its own demonstrator: expected style {DEFAULT} and no failing demonstrations"
+        raise TaskError(msg)
+    return collect(task, episodes, seed, styles, failing)
+
+
+def collect(
+    task: Scripted, episodes: int, seed: int, styles: Sequence[Style] = (STYLES[DEFAULT],), failing: float = 0.0
+) -> list[Trajectory]:
+    """Collect noisy demonstrations of a Fetch task.
+
+    Args:
+        task: what is shown.
+        episodes: how many to return.
+        seed: decides everything; as long as none fails, a longer collection starts with the shorter one.
+        styles: each episode draws one.
+        failing: share of the demonstrations, rounded to whole ones, in which the task is never solved; which they are
+            is drawn. They are broken off on the way, or the block is dropped and left.
+
+    Raises:
+        TaskError: fewer than half of the attempts give a demonstration.
+    """
+    fail = round(failing * episodes)
+    succeeding, failed = gather(task, episodes - fail, seed, styles), gather(task, fail, seed, styles, failing=True)
+    order = np.random.default_rng(np.random.SeedSequence((seed, FAILURES))).permutation(episodes)
+    given = iter(succeeding), iter(failed)
+    return [next(given[int(place < fail)]) for place in order]
+
+
+def gather(
+    task: Scripted, count: int, seed: int, styles: Sequence[Style], *, failing: bool = False
+) -> list[Trajectory]:
+    """Try until there are `count` demonstrations that succeed, or that fail.
+
+    Raises:
+        TaskError: fewer than half of the attempts give one.
+    """
+    if count == 0:
+        return []
+    world = task.world(min(BATCH, count))
     found: list[Trajectory] = []
     tried = 0
-    while len(found) < episodes:
+    while len(found) < count:
         if tried > 2 * BATCH and len(found) < LEAST * tried:
-            msg = f"the demonstrator of {task.name} solved {len(found)} of {tried} episodes, expected at least half"
+            did = "failed in" if failing else "solved"
+            msg = f"the demonstrator of {task.name} {did} {len(found)} of {tried} episodes, expected at least half"
             raise TaskError(msg)
-        wave = [start(seed, tried + i) for i in range(world.batch)]
-        run(task, world, wave, style)
-        found += [trajectory(task, episode) for episode in wave if episode.solved == STAY]
+        wave = [start(seed, tried + i, styles, failing=failing) for i in range(world.batch)]
+        run(task, world, wave)
+        given = [failure(task, episode) if failing else success(task, episode) for episode in wave]
+        found += [trajectory for trajectory in given if trajectory is not None]
         tried += len(wave)
-    return found[:episodes]
+    return found[:count]
 
 
-def run(task: Task, world: World, wave: list[Episode], style: Style = SINGLE) -> None:
-    """Run a wave of episodes, one per row, until each has stayed solved, left physics or met the horizon."""
-    rows = np.arange(len(wave))
+def run(task: Scripted, world: World, wave: Sequence[Episode]) -> None:
+    """Run a wave of episodes, one per row, until each is over or has left physics."""
+    script, rows = task.script, np.arange(len(wave))
     states = world.reset(rows, np.array([episode.seed for episode in wave], dtype=np.int64))
     _record(task, world, rows, states, wave)
-    for _ in range(task.horizon):
-        running = ~world.diverged(rows) & np.array([wave[row].solved < STAY for row in rows])
+    while True:
+        running = ~world.diverged(rows) & np.array([not wave[row].over(task.horizon) for row in rows])
         rows, states = rows[running], states[running]
         if len(rows) == 0:
             return
-        wanted = zip(rows, style.command(states), style.share(states), strict=True)
-        actions = np.array([wave[row].disturb(action, style.spread, share) for row, action, share in wanted])
+        above = np.array([wave[row].performer.style.above for row in rows])
+        scripted = zip(rows, script.commands(states, above), script.share(states), strict=True)
+        actions = np.array([wave[row].act(action, script.spread, share) for row, action, share in scripted])
         states = world.step(rows, actions)
         for row, action in zip(rows, actions, strict=True):
             wave[row].actions.append(action)
         _record(task, world, rows, states, wave)
 
 
-def _record(task: Task, world: World, rows: IntArray, states: FloatArray, wave: list[Episode]) -> None:
+def _record(task: Task, world: World, rows: IntArray, states: FloatArray, wave: Sequence[Episode]) -> None:
     """Append the present states and snapshots of `rows` to their episodes."""
     observed = zip(rows, states, world.save(rows), task.solved(states), strict=True)
     for row, state, snapshot, solved in observed:
         wave[row].record(state, snapshot, bool(solved))
 
 
-def trajectory(task: Task, episode: Episode) -> Trajectory:
-    """Freeze what an episode recorded."""
-    return Trajectory(task.layout, np.array(episode.states), np.array(episode.actions), np.array(episode.snapshots))
+def success(task: Task, episode: Episode) -> Trajectory | None:
+    """Return what a successful episode recorded; None if it failed, or was over before anything was done."""
+    return trajectory(task, episode, len(episode.actions)) if episode.succeeded and episode.actions else None
+
+
+def failure(task: Task, episode: Episode) -> Trajectory | None:
+    """Return an episode in which the task is never solved: as it was, or broken off on the way to success.
+
+    None if it left physics, or if nothing is left of it.
+    """
+    if not episode.over(task.horizon):
+        return None
+    solved, steps = task.solved(np.array(episode.states)), len(episode.actions)
+    if solved.any():
+        steps = int(episode.rng.uniform(*BROKEN_OFF) * solved.argmax())
+    return trajectory(task, episode, steps) if steps >= SHORTEST else None
+
+
+def trajectory(task: Task, episode: Episode, steps: int) -> Trajectory:
+    """Freeze the first `steps` of what an episode recorded."""
+    states, snapshots = np.array(episode.states[: steps + 1]), np.array(episode.snapshots[: steps + 1])
+    return Trajectory(task.layout, states, np.array(episode.actions[:steps]), snapshots)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from roboscribe.envs import demonstrator, fetch, pick_place
+from roboscribe.envs import demonstrator, fetch, pick_place, tower_moves
 from roboscribe.envs.engine import INTEGRATION, integration_state
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
@@ -66,6 +66,11 @@ class GymFetch:
     def world(self, batch: int) -> GymWorld:
         """Build a world of `batch` environments."""
         return GymWorld(batch, self.horizon)
+
+    @property
+    def script(self) -> demonstrator.Script:
+        """What the demonstrator does."""
+        return tower_moves.SINGLE
 
     def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
         """Collect noisy scripted demonstrations in this environment."""

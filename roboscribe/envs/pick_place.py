@@ -100,10 +100,14 @@ class PickPlace:
         """Build a world of `batch` rows."""
         return FetchWorld(self, batch, partial(sample, self.crowded))
 
+    @property
+    def script(self) -> demonstrator.Script:
+        """What the demonstrator does."""
+        return tower_moves.SINGLE if self.blocks == 1 else tower_moves.SERVE
+
     def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
         """Collect `episodes` successful noisy demonstrations; episode i of a seed does not depend on `episodes`."""
-        style = demonstrator.SINGLE if self.blocks == 1 else tower_moves.SERVE
-        return demonstrator.collect(self, episodes, seed, style)
+        return demonstrator.collect(self, episodes, seed)
 
 
 class FetchWorld(World):

@@ -11,7 +11,6 @@ from numpy.random import Generator
 from roboscribe.envs import demonstrator, fetch, pick_place, tower_layout, tower_moves
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray
-from roboscribe.world.trajectory import Trajectory
 
 AWAY = 0.10
 """The hand has left when it is farther than this from every goal, m."""
@@ -69,6 +68,7 @@ class Tower(pick_place.PickPlace):
         """Build a world of `batch` rows."""
         return pick_place.FetchWorld(self, batch, partial(sample, self.shape, self.crowded))
 
-    def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
-        """Collect `episodes` successful noisy demonstrations; episode i of a seed does not depend on `episodes`."""
-        return demonstrator.collect(self, episodes, seed, tower_moves.BUILD)
+    @property
+    def script(self) -> demonstrator.Script:
+        """What the demonstrator does."""
+        return tower_moves.BUILD

@@ -11,7 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from roboscribe.envs.demonstrator import HOVER, NEAR, PINCH, Style, ramp
+from roboscribe.envs import block_moves
+from roboscribe.envs.block_moves import HOVER, NEAR, PINCH, ramp
+from roboscribe.envs.demonstrator import Script
 from roboscribe.envs.fetch import BLOCK_SIZE
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
@@ -29,6 +31,8 @@ SLACK = 0.012
 """Fingers that have begun to close stay around the block this much longer, m."""
 CLEAR = 0.08
 """Height above the block and its goal at which the hand crosses, m."""
+HIGH = 0.16
+"""The same for a hand that comes from well above, m."""
 TIP, RIM = 0.01, 0.03
 """Hand and block come down within the tip's distance of the axis; from the rim on they keep the crossing height, m."""
 RISE = 0.05
@@ -71,12 +75,13 @@ def due(done: BoolArray, goals: FloatArray, keep_last: bool) -> IntArray:
     return first
 
 
-def command(keep_last: bool, states: FloatArray) -> FloatArray:
+def command(keep_last: bool, states: FloatArray, clear: float = CLEAR) -> FloatArray:
     """Decide the noiseless action.
 
     Args:
         keep_last: serve the blocks in order and hold the last one; else build from below and leave.
         states: (R, F) states of a Fetch scene.
+        clear: height above the block and its goal at which the hand crosses, m.
 
     Returns:
         (R, 4) actions in [-1, 1].
@@ -90,7 +95,7 @@ def command(keep_last: bool, states: FloatArray) -> FloatArray:
     over = np.all(done, axis=1) & (not keep_last)
     grasp = NEAR + SLACK * ramp(-opening, -OPEN, -OPEN + 0.01)
     around = (np.linalg.norm(block - hand, axis=1) < grasp) & ~over
-    move = GAIN * _serve(hand, opening, block, goal, around)
+    move = GAIN * _serve(hand, opening, block, goal, around, clear=clear)
     move = np.where(over[:, None], _rest(hand, goals), move)
     mine = (np.arange(goals.shape[1]) == index[:, None]) & ~over[:, None]
     move = _leave(move, hand, opening, np.where(mine[..., None], np.inf, blocks), goals)
@@ -104,13 +109,15 @@ def calm(states: FloatArray) -> FloatArray:
     return CALM + (1 - CALM) * ramp(nearest, 0.04, 0.08)
 
 
-def _serve(hand: FloatArray, opening: FloatArray, block: FloatArray, goal: FloatArray, around: BoolArray) -> FloatArray:
+def _serve(
+    hand: FloatArray, opening: FloatArray, block: FloatArray, goal: FloatArray, around: BoolArray, *, clear: float
+) -> FloatArray:
     """Displacement (R, 3): fetch the block with open fingers, or carry it to its goal."""
-    fetch = _route(hand, block, np.maximum(block[:, 2], goal[:, 2]) + CLEAR)
+    fetch = _route(hand, block, np.maximum(block[:, 2], goal[:, 2]) + clear)
     narrow = np.where(around, 0.0, HOVER * ramp(-opening, -OPEN, -OPEN + 0.03))
     fetch[:, 2] = np.maximum(fetch[:, 2], block[:, 2] - hand[:, 2] + narrow)
     closed = ramp(-opening, -GRIP - 0.003, -GRIP)[:, None]
-    carry = closed * _route(block, goal, goal[:, 2] + CLEAR)
+    carry = closed * _route(block, goal, goal[:, 2] + clear)
     return np.where(around[:, None] & (closed > 0), carry, fetch)
 
 
@@ -144,7 +151,9 @@ def _leave(
     return np.where(inside.any(axis=1)[:, None], straight, move)
 
 
-SERVE = Style(partial(command, True), SPREAD, calm)
+SINGLE = Script(block_moves.command, partial(command, True, clear=HIGH), SPREAD, lambda states: np.ones(len(states)))
+"""Carry a single block to its goal and hold it."""
+SERVE = Script(partial(command, True), partial(command, True, clear=HIGH), SPREAD, calm)
 """Carry the blocks to their goals one after the other and hold the last."""
-BUILD = Style(partial(command, False), SPREAD, calm)
+BUILD = Script(partial(command, False), partial(command, False, clear=HIGH), SPREAD, calm)
 """Build from below and leave."""

@@ -14,6 +14,11 @@ from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.torch_net import layers_of, mlp, single_thread
 from roboscribe.world.layout import FloatArray, IntArray
 
+MAX_GRADIENT = 10.0
+"""Norm to which a step's gradient is clipped: lets ordinary steps through and takes the sting out of a rare outlier."""
+MOST_LOG_STD = 2.0
+"""Upper clip of the predicted log standard deviation, pre-tanh: e² is more than the whole range of targets."""
+
 
 @dataclass(frozen=True)
 class Samples:
@@ -83,7 +88,7 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
         loss = gaussian_loss(network(blurred), targets[batch], config.least_log_std)
         optimizer.zero_grad()
         torch.autograd.backward(loss)
-        nn.utils.clip_grad_norm_(network.parameters(), 10.0)
+        nn.utils.clip_grad_norm_(network.parameters(), MAX_GRADIENT)
         optimizer.step()
         schedule.step()
         if step in stops:
@@ -93,7 +98,7 @@ def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Ite
 def gaussian_loss(output: torch.Tensor, target: torch.Tensor, least_log_std: float) -> torch.Tensor:
     """Return the mean negative log-likelihood of targets (M, A) under outputs (M, 2A): means, then log spreads."""
     mean, log_std = output.chunk(2, dim=-1)
-    log_std = log_std.clamp(least_log_std, 2.0)
+    log_std = log_std.clamp(least_log_std, MOST_LOG_STD)
     return (0.5 * ((target - mean) / log_std.exp()) ** 2 + log_std).sum(-1).mean()
 
 

@@ -53,6 +53,8 @@ class InverseConfig:
         batch: samples per step.
         learning_rate: Adam's, falling to zero along a cosine.
         hidden: units of each hidden layer.
+        limit: as in `CloneConfig`.
+        least_log_std: as in `CloneConfig`.
     """
 
     tries: int = 8
@@ -64,6 +66,8 @@ class InverseConfig:
     batch: int = 256
     learning_rate: float = 1e-3
     hidden: tuple[int, ...] = (128, 128)
+    limit: float = 2.5
+    least_log_std: float = -3.0
 
 
 @dataclass(frozen=True)
@@ -142,6 +146,8 @@ class PoolConfig:
         attempts: episodes run at most, per start asked for.
         screening: held-out starts after which a hopeless candidate is dropped without trying the others.
         tries: cap per episode and bound entities.
+        stress_above: success above which hard starts are repeated; below, they are the most without that.
+        repeats: times that one hard start is repeated at most, lest a hopeless one fills the pool.
         batch: rows stepped at once.
     """
 
@@ -152,6 +158,8 @@ class PoolConfig:
     attempts: int = 3
     screening: int = 50
     tries: int = 2
+    stress_above: float = 0.5
+    repeats: int = 20
     batch: int = 64
 
 

@@ -17,7 +17,7 @@ from torch import nn
 
 from roboscribe.rl.clone import gaussian_loss
 from roboscribe.rl.config import InverseConfig
-from roboscribe.rl.observation import Encoder, ObservationSpec
+from roboscribe.rl.observation import CLIP, Encoder, ObservationSpec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import Controller
 from roboscribe.rl.torch_net import mlp, single_thread
@@ -26,8 +26,12 @@ from roboscribe.world.protocols import World
 
 ALL_UNITS = ("m", "rad", "1", "m/s", "rad/s")
 """Units of the attributes that tell which action was taken."""
-LIMIT = 2.5
-"""Pre-tanh actions are clipped to ± this."""
+OVERSHOOT = 1.5
+"""Random actions are drawn from ± this and clipped to [-1, 1], so that one component in three is at a bound."""
+KEEP = 0.7
+"""Share of steps on which a random component stays as it was: it lasts for 3 steps on average, and leads somewhere."""
+LEAST_CHANGE = 1e-6
+"""Least standard deviation, in its own unit, by which a change is divided, lest what never changes is divided by 0."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +108,9 @@ def _run(
 
 def random_actions(steps: int, count: int, size: int, rng: np.random.Generator) -> FloatArray:
     """Draw actions (steps, count, size) that reach the bounds often and change slowly."""
-    noise = rng.uniform(-1.5, 1.5, (steps, count, size))
+    noise = rng.uniform(-OVERSHOOT, OVERSHOOT, (steps, count, size))
     for step in range(1, steps):
-        keep = rng.random((count, size)) < 0.7
+        keep = rng.random((count, size)) < KEEP
         noise[step] = np.where(keep, noise[step - 1], noise[step])
     return np.clip(noise, -1.0, 1.0)
 
@@ -123,7 +127,7 @@ class InverseModel:
     def inputs(self, before: FloatArray, after: FloatArray, entities: IntArray) -> torch.Tensor:
         """Encode transitions as network inputs (M, I)."""
         change = self.encoder.raw(after, entities) - self.encoder.raw(before, entities)
-        normal = np.clip((change - self.change_mean) / self.change_std, -10, 10)
+        normal = np.clip((change - self.change_mean) / self.change_std, -CLIP, CLIP)
         return torch.from_numpy(np.concatenate([self.encoder(before, entities), normal], axis=1).astype(np.float32))
 
     def infer(self, before: FloatArray, after: FloatArray, entities: IntArray) -> FloatArray:
@@ -153,16 +157,16 @@ def fit_inverse(
     with torch.random.fork_rng():
         torch.manual_seed(seed)
         network = mlp([encoder.size + change.shape[1], *config.hidden, 2 * actions])
-    model = InverseModel(encoder, change.mean(axis=0), np.maximum(change.std(axis=0), 1e-6), network)
+    model = InverseModel(encoder, change.mean(axis=0), np.maximum(change.std(axis=0), LEAST_CHANGE), network)
     inputs = model.inputs(data.before, data.after, data.entities)
-    reach = float(np.tanh(LIMIT))
+    reach = float(np.tanh(config.limit))
     targets = torch.from_numpy(np.arctanh(np.clip(data.actions, -reach, reach)).astype(np.float32))
     generator = torch.Generator().manual_seed(seed)
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
     for _ in range(config.steps):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
-        loss = gaussian_loss(network(inputs[batch]), targets[batch], -3.0)
+        loss = gaussian_loss(network(inputs[batch]), targets[batch], config.least_log_std)
         optimizer.zero_grad()
         torch.autograd.backward(loss)
         optimizer.step()

@@ -13,12 +13,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import run_variables
-from roboscribe.dsl.syntax import Goal, Robot, Run, Var
+from roboscribe.dsl.syntax import Goal, Object, Robot, Run, Var
 from roboscribe.errors import ArtifactError
 from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout
 
@@ -27,9 +28,11 @@ DEFAULT_UNITS = ("m", "rad", "1")
 ROBOT_UNITS = (*DEFAULT_UNITS, "m/s")
 """The same for the robot: its own velocity was measured to lift clones from 96 to 99 %."""
 FINE_SCALES = (0.1, 0.05, 0.025, 0.0125)
-"""Scales in metres of the clipped copies of small differences."""
+"""Scales in metres of the clipped copies of small differences; four cloned better than two from few demonstrations."""
 FINE_CLIP = 2.0
-"""Bound of a fine copy, in its scale."""
+"""Bound of a fine copy, in its scale: the next coarser copy tells apart what is further off."""
+CLIP = 10.0
+"""Bound of a normalised input, in standard deviations: what no demonstration came near must not drown the rest."""
 LEAST_SPREADS = {"m": 0.01, "rad": 0.1}
 """Least standard deviation by which a feature is divided, by unit: what demonstrations hardly vary must not explode."""
 LEAST_SPREAD = 1e-3
@@ -170,9 +173,8 @@ def observation_spec(
     further = [Goal(Var(name)) for name in names if goals and layout.types[types[name]].goal]
     seen: list[tuple[Part, Attribute, bool]] = []
     for arg in dict.fromkeys((*run.args, *further)):
-        slot = ROBOT if isinstance(arg, Robot) else names.index(arg.name if isinstance(arg, Var) else arg.of.name)
-        kind = layout.robot if isinstance(arg, Robot) else layout.types[types[names[slot]]]
-        goal = isinstance(arg, Goal)
+        slot, goal = _slot(arg, names)
+        kind = layout.robot if slot == ROBOT else layout.types[types[names[slot]]]
         shown = robot_units if slot == ROBOT else units
         seen += [(Part(slot, a.name, goal), a, arg in run.args) for a in kind.described(goal) if a.unit in shown]
     alike = [
@@ -181,6 +183,19 @@ def observation_spec(
         if a.name == b.name and a.unit == "m" and (argument or part.slot == ROBOT)
     ]
     return ObservationSpec(tuple(types[name] for name in names), tuple(part for part, *_ in seen), tuple(alike))
+
+
+def _slot(arg: Object, names: Sequence[str]) -> tuple[int, bool]:
+    """Return ROBOT or the rank of an argument's variable among `names`, and whether it is the variable's goal."""
+    match arg:
+        case Robot():
+            return ROBOT, False
+        case Var(name):
+            return names.index(name), False
+        case Goal(of):
+            return names.index(of.name), True
+        case _:
+            assert_never(arg)
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,5 +257,5 @@ class Encoder:
         raw = np.concatenate([values, differences], axis=1)
         normal = (raw - np.asarray(self.spec.mean)) / np.asarray(self.spec.std)
         fine = [np.clip(differences / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
-        inputs: NDArray[np.float32] = np.concatenate([np.clip(normal, -10, 10), *fine], axis=1).astype(np.float32)
+        inputs: NDArray[np.float32] = np.concatenate([np.clip(normal, -CLIP, CLIP), *fine], axis=1).astype(np.float32)
         return inputs

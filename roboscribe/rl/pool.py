@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roboscribe.rl.config import PoolConfig
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 
@@ -54,7 +55,7 @@ class StartPool:
         held = np.isin(self.episode, present[:episodes])
         return self.take(np.flatnonzero(held)), self.take(np.flatnonzero(~held))
 
-    def stressing(self, hard: BoolArray, most: int = 20) -> StartPool:
+    def stressing(self, hard: BoolArray, most: int = PoolConfig.repeats) -> StartPool:
         """Repeat the starts that are `hard` (P,) until they are half of all, each `most` times at most."""
         rows, times = np.flatnonzero(hard), max(1, len(hard) // max(1, int(hard.sum())) - 1)
         return self.take(np.sort(np.concatenate([np.flatnonzero(~hard), np.repeat(rows, min(times, most))])))

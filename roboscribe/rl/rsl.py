@@ -20,6 +20,12 @@ from roboscribe.rl.torch_net import linears, load_layers
 
 GROUP = "policy"
 """Name of the only observation group."""
+MAX_GRADIENT = 1.0
+"""Norm to which an update's gradient is clipped; the library's own default."""
+CRITIC_SCALE = 0.1
+"""Factor on the critic's last layer: it starts by expecting next to nothing, not something of the size of a return."""
+NO_ENTROPY = 0.0
+"""Weight of the entropy bonus: the noise is fixed, so there is no entropy to win."""
 
 
 class RslEnv(VecEnv):  # type: ignore[misc] # the library ships no types
@@ -86,16 +92,18 @@ def build_runner(env: RslEnv, layers: Layers, config: PpoConfig) -> OnPolicyRunn
         "critic": network,
         "algorithm": {
             "class_name": "PPO", "num_learning_epochs": config.epochs, "num_mini_batches": config.minibatches,
-            "clip_param": config.clip, "gamma": config.gamma, "lam": config.lam, "entropy_coef": 0.0,
-            "schedule": "fixed", "use_clipped_value_loss": False, "max_grad_norm": 1.0,
+            "clip_param": config.clip, "gamma": config.gamma, "lam": config.lam, "entropy_coef": NO_ENTROPY,
+            "schedule": "fixed", "use_clipped_value_loss": False, "max_grad_norm": MAX_GRADIENT,
         },
     }  # fmt: skip
     with contextlib.redirect_stdout(io.StringIO()):  # the library prints its models
         runner = OnPolicyRunner(env, settings, log_dir=None)
-    runner.logger = LossLog(None, runner.cfg, env.cfg, env.num_envs, False, 1, 0, "cpu")
+    runner.logger = LossLog(
+        None, runner.cfg, env.cfg, env.num_envs, is_distributed=False, gpu_world_size=1, gpu_global_rank=0, device="cpu"
+    )
     load_layers(runner.alg.actor, layers)
     for linear in linears(runner.alg.critic)[-1:]:
-        linear.weight.data.mul_(0.1)
+        linear.weight.data.mul_(CRITIC_SCALE)
     groups = [(runner.alg.actor, config.actor_rate), (runner.alg.critic, config.critic_rate)]
     parameters = [{"params": list(model.parameters()), "lr": rate} for model, rate in groups]
     runner.alg.optimizer = torch.optim.Adam(parameters)

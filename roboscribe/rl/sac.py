@@ -21,6 +21,9 @@ from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.skill_env import SkillEnv
 from roboscribe.rl.torch_net import layers_of, single_thread
 
+UNMEASURED = -1.0
+"""Success before the first evaluation: below every rate, so that the first policy evaluated is kept."""
+
 
 class SacEnv(VecEnv):
     """A skill's environment as Stable-Baselines3 steps it. Rewards are R_φ + 1 while φ, not scaled by 1 − γ."""
@@ -124,7 +127,7 @@ def train_sac(
         metrics: dict[str, float] = {}
         model = _build(SacEnv(env, skill.encoder, task.subtask.task.action_size), config, seed)
         model.set_logger(Logger(None, [_Metrics(metrics)]))
-        best, success, spent, evaluating = skill, -1.0, 0, 0
+        best, success, spent, evaluating = skill, UNMEASURED, 0, 0
         while spent + config.worlds * config.evaluate_every <= task.budget and success < task.target:
             model.learn(config.worlds * config.evaluate_every, log_interval=task.budget, reset_num_timesteps=spent == 0)
             spent = model.num_timesteps

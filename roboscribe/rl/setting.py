@@ -26,7 +26,11 @@ from roboscribe.world.protocols import Task
 from roboscribe.world.trajectory import Trajectory
 
 USUALLY = 0.95
-"""Share of a controller's segments that its step limit allows twice: a demonstrator's rare mishap sets no limit."""
+"""Share of a controller's segments that set its step limit: a demonstrator's rare mishap does not."""
+SLACK = 2
+"""Times what a controller's segments usually take that it may take: a learned one may be slower than it was shown."""
+SEEDS = 2**31
+"""Seeds are drawn below this, so that they fit into 32 bits, with a sign or without."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ class Setting:
         for part in (part for parts in self.segments for part in parts):
             steps.setdefault(self.runs[part.run_index].controller, []).append(part.stop - part.start)
         usual = {name: int(np.ceil(np.quantile(counts, USUALLY))) for name, counts in steps.items()}
-        return {name: 2 * count for name, count in usual.items() if count > 0}
+        return {name: SLACK * count for name, count in usual.items() if count > 0}
 
     def draw(self, name: str) -> np.random.Generator:
         """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
@@ -125,7 +129,7 @@ class Setting:
 
     def seed_of(self, name: str) -> int:
         """Return a seed of its own for one purpose."""
-        return int(self.draw(name).integers(2**31))
+        return int(self.draw(name).integers(SEEDS))
 
     def onward(self, run: Run) -> Predicate:
         """Return where the program goes on after `run`; the last statement is to bring ψ_R about, not only its own φ.
@@ -215,7 +219,7 @@ class Setting:
             starts = evaluation = config.opaque
         rank = next(rank for rank, each in enumerate(self.runs) if each is run)
         prefix = Prefix(self.program, rank, skills, self.limits, self.config.confirm)
-        seeds = rng.integers(2**31, size=config.attempts * (starts + evaluation))
+        seeds = rng.integers(SEEDS, size=config.attempts * (starts + evaluation))
         found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch)
         share = evaluation / (starts + evaluation)
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))

@@ -10,10 +10,14 @@ import numpy as np
 from roboscribe.dsl.interpreter import Machine
 from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program
+from roboscribe.rl.config import PoolConfig, TrainConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import Controller
 from roboscribe.world.layout import FloatArray, IntArray
 from roboscribe.world.protocols import Task
+
+IDLE = -1
+"""Rank of the episode of a row that runs none."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Prefix:
     target: int
     skills: Mapping[str, Controller]
     limits: Mapping[str, int]
-    confirm: int = 3
+    confirm: int = TrainConfig.confirm
 
 
 class _Collection:
@@ -51,7 +55,7 @@ class _Collection:
             rng=rng,
             solved=task.solved,
         )
-        self.episode = np.full(batch, -1, np.int64)
+        self.episode = np.full(batch, IDLE, np.int64)
         self.steps = np.zeros(batch, np.int64)
         self.visits = np.zeros(batch, np.int64)
         self.states = np.zeros((batch, task.layout.size))
@@ -74,7 +78,7 @@ class _Collection:
         self.visits[rows] = visits
         known = np.array([run.controller in self.prefix.skills for run in self.runs])
         over = (now < 0) | ~known[now] | ~fresh | self.world.diverged(rows)
-        self.episode[rows[over | (self.steps[rows] >= self.task.horizon)]] = -1
+        self.episode[rows[over | (self.steps[rows] >= self.task.horizon)]] = IDLE
 
     def _keep(self, rows: IntArray) -> None:
         if not len(rows):
@@ -86,7 +90,7 @@ class _Collection:
 
     def step(self) -> None:
         """Let the active controllers act once in every row in flight."""
-        rows = np.flatnonzero(self.episode >= 0)
+        rows = np.flatnonzero(self.episode != IDLE)
         actions = np.zeros((len(rows), self.task.action_size))
         for rank, run in enumerate(self.runs):
             mine = np.flatnonzero(self.machine.run_index[rows] == rank)
@@ -111,7 +115,7 @@ class _Collection:
 
 
 def collect_starts(
-    prefix: Prefix, task: Task, wanted: int, seeds: IntArray, rng: np.random.Generator, batch: int = 64
+    prefix: Prefix, task: Task, wanted: int, seeds: IntArray, rng: np.random.Generator, batch: int = PoolConfig.batch
 ) -> tuple[StartPool, int]:
     """Run the program until enough states are found in which the target takes over.
 
@@ -132,12 +136,12 @@ def collect_starts(
     collection = _Collection(prefix, task, min(batch, len(seeds)), rng)
     launched = 0
     while True:
-        free = np.flatnonzero(collection.episode < 0)[: len(seeds) - launched]
+        free = np.flatnonzero(collection.episode == IDLE)[: len(seeds) - launched]
         if len(free) and len(collection.found) < wanted:
             collection.begin(free, seeds[launched : launched + len(free)], launched)
             launched += len(free)
             continue
-        if not (collection.episode >= 0).any():
+        if (collection.episode == IDLE).all():
             entities = len(run_variables(collection.runs[prefix.target]))
             return collection.pool(entities).take(
                 np.arange(min(wanted, len(collection.found)))

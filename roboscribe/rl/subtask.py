@@ -11,6 +11,7 @@ import numpy as np
 from roboscribe.dsl.semantics import Binding, holds
 from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
 from roboscribe.reward import reward
+from roboscribe.rl.config import TrainConfig
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.protocols import Task
 
@@ -49,7 +50,7 @@ class Subtask:
     until: Predicate
     variables: tuple[str, ...]
     limit: int
-    confirm: int = 3
+    confirm: int = TrainConfig.confirm
     onward: Predicate = field(default_factory=Truth)
     scales: Mapping[str, float] = field(default_factory=dict)
     invariant: Invariant | None = None

@@ -16,7 +16,7 @@ from roboscribe.rl.inverse_dynamics import ALL_UNITS
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.ppo import Learned, LearnerTask, Log, train_ppo
 from roboscribe.rl.sac import train_sac
-from roboscribe.rl.setting import Setting
+from roboscribe.rl.setting import SEEDS, Setting
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import Judge, evaluate_skill
 from roboscribe.rl.warm_start import clone_frames, clone_states
@@ -185,7 +185,7 @@ def _known(setting: Setting, library: Mapping[str, Skill]) -> list[_Turn]:
 
 def _screen(setting: Setting, skills: Mapping[str, Skill]) -> tuple[float, int]:
     """Return how often the program solves the task as things stand, and the control steps that it took to see."""
-    config, seeds = setting.config, setting.draw("screening").integers(2**31, size=setting.config.screening)
+    config, seeds = setting.config, setting.draw("screening").integers(SEEDS, size=setting.config.screening)
     screened = execute(setting.program, skills, setting.task, seeds, limits=setting.limits, confirm=config.confirm)
     return float(screened.success.mean()), screened.control_steps
 
@@ -216,16 +216,17 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     rim.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
     target = setting.target(run)
-    if rate >= target or not turn.reinforce:
+    budget = _budget(setting, run, rate)
+    if rate >= target or not turn.reinforce or not budget:
         return warm, report
 
     def log(metrics: Mapping[str, float], step: int) -> None:
         rim.log(run.controller, metrics, spent + step)
 
-    if rate > 1 / 2:  # below, hard starts are the most without being repeated
+    if rate > config.pool.stress_above:
         tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
-        pool, spent = pool.stressing(~tried.success), spent + tried.control_steps
-    task = LearnerTask(judge.subtask, pool, judge, target, _budget(setting, run))
+        pool, spent = pool.stressing(~tried.success, config.pool.repeats), spent + tried.control_steps
+    task = LearnerTask(judge.subtask, pool, judge, target, budget)
     learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
@@ -233,13 +234,17 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     return learned.skill, replace(report, learner=by, success=learned.success)
 
 
-def _budget(setting: Setting, run: Run) -> int:
-    """Return the control steps that reinforcement may cost: few where a subgoal may still be found before `run`."""
+def _budget(setting: Setting, run: Run, rate: float) -> int:
+    """Return the control steps that reinforcement may cost, after a warm start of success `rate`.
+
+    Few where a subgoal may still be found before `run`; none where it is likely, since the warm start mostly fails.
+    """
     config = setting.config
     if isinstance(run.until, Solved):
         return config.opaque_budget
-    first = run is setting.runs[0] and not setting.solve
-    return config.first_budget if first and config.profile != "paper" else config.budget
+    if run is not setting.runs[0] or setting.solve or config.profile == "paper":
+        return config.budget
+    return config.first_budget if rate >= config.worth_improving else 0
 
 
 def _reinforce(

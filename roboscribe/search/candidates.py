@@ -7,14 +7,15 @@ is written once, in `Candidate.rank`, and the ranked table is part of every resu
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, size
+from roboscribe.dsl.rewrite import free_vars, size, uses_robot
 from roboscribe.dsl.syntax import Predicate
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.trajectory import AGREEMENT, first_true
 
 LEVELS = (0.1,)
 """Shares of accepted negatives that count as nearly equally good."""
@@ -24,16 +25,16 @@ ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
 """Price of a node of a predicate, in lengths of a demonstration: of two equally early ones the shorter is wanted."""
-OWN_GOAL_GAIN = 0.2
-"""Worth of an entity's own goal, in lengths of a demonstration: a coordinate crosses its threshold a little earlier."""
+BIT_GAIN = 0.02
+"""Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
+MOST_BITS = 6.0
+"""Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
 OFTEN = 0.1
-"""Share of the demonstrations beyond which φ is often true at the start."""
+"""Share of the crossings beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
 """Shares of frames on which a predicate is lost again that count as equally well maintained."""
-AGREEMENT = 0.95
-"""Share of the demonstrations that must agree, as in VALIDATE."""
-MOST_INITIAL = 0.25
-"""Share of the demonstrations that may begin with a predicate satisfied and have no say, as in VALIDATE."""
+MOST_INITIAL = 0.5
+"""Share of the crossings that may begin with a predicate satisfied: more often than not it has to be brought about."""
 
 
 @dataclass(frozen=True)
@@ -60,24 +61,25 @@ class Samples:
 
     Args:
         layout: meaning of the states.
-        positives: (P, F), P_s.
+        before: (C, F), P_s: of each crossing into ψ the state right before.
+        reached: (C, F), the state on which ψ first holds.
         negatives: (M, F), N_s.
-        frames: (S, F), the demonstrations up to the goal, one after the other.
-        starts: (D,), where each demonstration begins in `frames`.
-        after: per set of named entities, the frame (D,), counted from its demonstration's start, that a predicate
-            about them must come after; sets that are missing are free.
-        goal_families: what the goal itself compares, as `Feature.family`.
+        frames: (S, F), the crossings from takeover to the first frame of ψ, one after the other.
+        starts: (C,), where each crossing begins in `frames`.
+        steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
+        known: what the goal and the subgoals before it compare already, as `Feature.family`.
         goal_entities: entities that the goal mentions by name.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
     """
 
     layout: Layout
-    positives: FloatArray
+    before: FloatArray
+    reached: FloatArray
     negatives: FloatArray
     frames: FloatArray
     starts: IntArray
-    after: Mapping[frozenset[str], IntArray]
-    goal_families: frozenset[str] = frozenset()
+    steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
+    known: frozenset[str] = frozenset()
     goal_entities: frozenset[str] = frozenset()
     anchors: tuple[Anchor, ...] = ()
 
@@ -89,21 +91,22 @@ class Candidate:
     Args:
         predicate: φ.
         accepted: share of the negatives on which φ holds.
-        initial: share of the demonstrations in which φ holds at the start.
+        initial: share of the crossings in which φ holds at the start.
         kept: share of the frames after φ first held, up to the goal, on which it holds.
-        first: where in a demonstration φ first holds, median, 0 start to 1 goal.
-        copy: whether φ compares what the goal itself compares, with another threshold; that explains nothing.
+        first: where in a crossing φ first holds, median, 0 start to 1 goal.
+        copy: whether φ compares what the goal or a subgoal before it compares, with another threshold; that explains
+            nothing.
         relevant: whether φ mentions every entity that the goal mentions.
-        advances: whether φ first holds after what precedes it, in 95 % of the demonstrations.
+        advances: whether φ is brought about on the way, always after or always before each subgoal that is there.
         margin: distance from the threshold to the nearest rejected negative, in spreads.
         scales: spread of each term, to make margins comparable in a reward.
         entities: how many named entities φ mentions.
-        detail: how many numbers φ looks at, the more the more specific.
-        own_goal: whether φ compares an entity with its own goal.
+        bits: how much φ says: the binary logarithm of how many times more is possible without it.
         size: nodes of φ.
         family: objects and attributes that φ compares.
-        standing: once the goal has predecessors, 0 for an entity's own goal, the form of task specifications (Sec. 3);
-            1 for what must hold in addition to a predecessor; 2 for anything else. Without predecessors 0.
+        standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
+            what must hold in addition to a predecessor; 2 for anything else. Without predecessors 0.
+        each: whether φ is brought about for one entity of a type after the other: a loop.
     """
 
     predicate: Predicate
@@ -117,11 +120,11 @@ class Candidate:
     margin: float
     scales: tuple[tuple[str, float], ...]
     entities: int
-    detail: int
-    own_goal: bool
+    bits: float
     size: int
     family: str
     standing: int = 0
+    each: bool = False
 
     @property
     def separates(self) -> bool:
@@ -130,22 +133,22 @@ class Candidate:
 
     @property
     def explains(self) -> bool:
-        """Whether this is a step towards the goal: it separates, comes late enough and says something new."""
+        """Whether this is a step towards the goal: it separates, is brought about on the way and says something new."""
         return self.separates and self.advances and self.relevant and not self.copy
 
     @property
     def cost(self) -> float:
-        """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it is."""
-        gain = OWN_GOAL_GAIN * self.own_goal
-        return round(self.first + ACCEPTED_COST * self.accepted + NODE_COST * self.size - gain, 3)
+        """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says."""
+        price = self.first + ACCEPTED_COST * self.accepted + NODE_COST * self.size
+        return round(price - BIT_GAIN * self.bits, 3)
 
     @property
     def rank(self) -> tuple[float | bool | str, ...]:
         """Sort key, best first: the written order of preference.
 
-        It comes after its predecessor; separates; is no weaker copy of the goal; is about the goal's entities; is
-        maintained; mentions an entity, but few; stands well with the predecessors; is not often true at the start;
-        accepts few failures; is reached early, is small and accepts fewer still; is specific; has a wide margin.
+        It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities; is
+        maintained; mentions an entity, but few; recurs; stands well with the predecessors; is not often true at the
+        start; accepts few failures; is reached early, is small, says much and accepts fewer still; has a wide margin.
         """
         return (
             not self.advances,
@@ -155,11 +158,11 @@ class Candidate:
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
             self.entities,
+            not self.each,
             self.standing,
             self.initial > OFTEN,
             level(self.accepted, LEVELS),
             self.cost,
-            -self.detail,
             -self.margin,
             str(self.predicate),
         )
@@ -181,6 +184,7 @@ class Judged:
         on_frames: (S,).
         margin: distance from the threshold to the nearest rejected negative, in spreads.
         scales: spread of each term.
+        bits: how much φ says, without its anchor.
         anchor: the predecessor that φ contains.
     """
 
@@ -190,6 +194,7 @@ class Judged:
     on_frames: BoolArray
     margin: float
     scales: tuple[tuple[str, float], ...]
+    bits: float = 0.0
     anchor: Anchor | None = None
 
 
@@ -197,9 +202,8 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     """Measure what `Candidate` lists."""
     names = frozenset(free_vars(it.predicate))
     lengths = np.diff(np.append(samples.starts, len(it.on_frames)))
-    first = first_true(it.on_frames, samples.starts)
+    first = np.minimum(first_true(it.on_frames, samples.starts), lengths)
     since = _since(first, samples.starts, len(it.on_frames))
-    own_goal = any(f.own_goal for f in it.features)
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
     return Candidate(
         predicate=it.predicate,
@@ -207,40 +211,32 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         initial=float(np.mean(first == 0)),
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
         first=float(np.median(first / np.maximum(1, lengths - 1))),
-        copy=any(f.family in samples.goal_families for f in it.features),
+        copy=any(f.family in samples.known for f in it.features),
         relevant=samples.goal_entities <= names,
-        advances=_advances(first, lengths, samples.after.get(names)),
+        advances=_advances(first, lengths, samples.steps.get(names, ())),
         margin=it.margin,
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),
-        detail=sum(f.detail for f in it.features),
-        own_goal=own_goal,
+        bits=it.bits,
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
-        standing=_standing(own_goal, it.anchor, samples),
+        standing=_standing(it, samples),
     )
 
 
-def _standing(own_goal: bool, anchor: Anchor | None, samples: Samples) -> int:
-    if anchor is not None:
+def _standing(it: Judged, samples: Samples) -> int:
+    if it.anchor is not None:
         return 1
-    return 0 if own_goal or not samples.anchors else 2
+    return 2 * (bool(samples.anchors) and any(uses_robot(f.term) for f in it.features))
 
 
-def _advances(first: IntArray, lengths: IntArray, after: IntArray | None) -> bool:
-    """Whether a predicate that first holds at `first` (D,) is reached, mostly not at once, and after `after` (D,)."""
+def _advances(first: IntArray, lengths: IntArray, others: Sequence[IntArray]) -> bool:
+    """Whether a predicate that first holds at `first` (C,) is brought about, on one side of each of `others` (C,)."""
     voters = first > 0
-    ahead = float(np.mean(first[voters] > (-1 if after is None else after[voters]))) if voters.any() else 0.0
-    return bool(ahead >= AGREEMENT and np.mean(first < lengths) >= AGREEMENT and np.mean(~voters) <= MOST_INITIAL)
-
-
-def first_true(truth: BoolArray, starts: IntArray) -> IntArray:
-    """First true frame of each episode, counted from its start; the episode's length where there is none."""
-    ends = np.append(starts[1:], len(truth))
-    where = np.flatnonzero(truth)
-    found = np.searchsorted(where, starts)
-    step = np.append(where, len(truth))[found]
-    return np.asarray(np.minimum(step, ends) - starts, dtype=np.int64)
+    if np.mean(first < lengths) < AGREEMENT or np.mean(~voters) > MOST_INITIAL:
+        return False
+    sides = ((first >= other, first < other) for other in others)
+    return all(max(np.mean(after[voters]), np.mean(before[voters])) >= AGREEMENT for after, before in sides)
 
 
 def _since(first: IntArray, starts: IntArray, total: int) -> BoolArray:

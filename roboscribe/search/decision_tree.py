@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from sklearn.tree import DecisionTreeClassifier
 
 from roboscribe.dsl.rewrite import conjunction
 from roboscribe.dsl.semantics import holds
@@ -16,6 +15,9 @@ from roboscribe.dsl.syntax import Or, Predicate
 from roboscribe.search.candidates import Candidate, Judged, Samples, judge
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import FloatArray
+
+if TYPE_CHECKING:
+    from sklearn.tree import DecisionTreeClassifier
 
 DEPTH = 3
 """Deepest path: more than three atoms in a row explain nothing to a reader."""
@@ -44,11 +46,13 @@ def learn_decision_tree(features: Sequence[Feature], samples: Samples) -> tuple[
 
     Source: LEARNDECISIONTREE in Algorithm 3, line 6.
     """
-    states = np.concatenate([samples.positives, samples.negatives])
+    from sklearn.tree import DecisionTreeClassifier  # takes a second to import and is hardly ever needed
+
+    states = np.concatenate([samples.before, samples.negatives])
     usable, columns = _finite(features, states, samples)
     if not usable:
         return ()
-    labels = np.arange(len(states)) < len(samples.positives)
+    labels = np.arange(len(states)) < len(samples.before)
     tree = DecisionTreeClassifier(max_depth=DEPTH, class_weight="balanced", random_state=0).fit(columns, labels)
     leaves = list(_positive_leaves(tree, usable, 0, ()))
     if not leaves or leaves == [()]:

@@ -34,6 +34,8 @@ from roboscribe.dsl.syntax import (
 )
 from roboscribe.world.layout import Attribute, FloatArray, Layout, ObjectType
 
+COMPARABLE = ("m", "rad")
+"""Units of which two attributes of one object may be compared: shares and flags need not be of the same thing."""
 MAX_ENTITIES = 2
 """Most entities one expression may mention; three would relate everything to everything."""
 
@@ -60,12 +62,6 @@ class Feature:
     def entities(self) -> int:
         """How many entities α mentions, a quantified one included."""
         return len(free_vars(self.term))
-
-    @property
-    def own_goal(self) -> bool:
-        """Whether α compares an entity with its own goal, the form of task specifications (Sec. 3)."""
-        objects = isinstance(self.term, Norm | Diff) and "g(" in self.family and "μ" not in self.family
-        return self.entities == 1 and objects
 
     @property
     def size(self) -> int:
@@ -127,6 +123,8 @@ def _expressions(layout: Layout, kinds: dict[str, ObjectType]) -> Iterator[Featu
     for item, attributes in objects:
         for attribute in attributes:
             yield from _coordinates(item, attribute)
+        for attribute, begun in combinations(attributes, 2):
+            yield from _changes(item, attribute, begun)
     for (one, theirs), (other, others) in combinations(objects, 2):
         if len({*_mentions(one), *_mentions(other)}) <= MAX_ENTITIES:
             for attribute in theirs:
@@ -150,11 +148,22 @@ def _coordinates(item: Object, attribute: Attribute) -> Iterator[Feature]:
         yield Feature(Norm(Proj(item, _whole(attribute))), family=family, detail=attribute.width)
 
 
+def _changes(item: Object, attribute: Attribute, other: Attribute) -> Iterator[Feature]:
+    """Differences of two attributes of one object that measure the same, as a position and where it began."""
+    if (attribute.unit, attribute.width) == (other.unit, other.width) and attribute.unit in COMPARABLE:
+        family = f"{item}.{attribute.name}−{other.name}"
+        for one, two in zip(attribute.components, other.components, strict=True):
+            if one != two:
+                yield Feature(Diff(Proj(item, one), Proj(item, two)), family=family)
+        whole = Diff(Proj(item, attribute.name), Proj(item, other.name))
+        yield Feature(Norm(whole), family=family, detail=attribute.width)
+
+
 def _differences(one: Object, other: Object, attribute: Attribute) -> Iterator[Feature]:
     family = f"{one}−{other}.{attribute.name}"
     for component in attribute.components:
         yield Feature(Diff(Proj(one, component), Proj(other, component)), family=family)
-    fields = {_whole(attribute)} if attribute.width > 1 else set()
+    fields = {_whole(attribute)}
     if _planar(attribute):
         fields.add("xy")
     for field in sorted(fields):

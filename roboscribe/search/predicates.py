@@ -10,8 +10,18 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, walk
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import And, Predicate
-from roboscribe.search.candidates import LOST_LEVELS, OFTEN, Anchor, Candidate, Judged, Samples, judge, level
+from roboscribe.dsl.syntax import And, Norm, Predicate
+from roboscribe.search.candidates import (
+    LOST_LEVELS,
+    MOST_BITS,
+    OFTEN,
+    Anchor,
+    Candidate,
+    Judged,
+    Samples,
+    judge,
+    level,
+)
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray
 
@@ -32,7 +42,9 @@ HOPELESS = 0.5
 """Share of accepted negatives beyond which an atom is not looked at."""
 
 
-def rank_predicates(features: Sequence[Feature], samples: Samples, keep: int = 30) -> tuple[Candidate, ...]:
+def rank_predicates(
+    features: Sequence[Feature], samples: Samples, recurring: Sequence[Candidate] = (), keep: int = 30
+) -> tuple[Candidate, ...]:
     """Rank the predicates that separate the samples.
 
     First single atoms, and what each adds to a predecessor; pairs of atoms only where none of those explains the
@@ -42,6 +54,7 @@ def rank_predicates(features: Sequence[Feature], samples: Samples, keep: int = 3
     Args:
         features: scalar expressions on offer.
         samples: positives, negatives and demonstrations.
+        recurring: predicates that are brought about for one entity after the other.
         keep: length of the table.
 
     Returns:
@@ -49,7 +62,9 @@ def rank_predicates(features: Sequence[Feature], samples: Samples, keep: int = 3
     """
     atoms = [atom for atom in _atoms(features, samples) if atom.accepted < HOPELESS]
     small = [judge(atom.judged(), samples) for atom in atoms] + list(_anchored(atoms, samples))
-    table = sorted(_one_per_family(small), key=lambda c: c.rank)
+    lifted = {c.family for c in recurring}
+    small = [c for c in small if c.family not in lifted]
+    table = sorted([*_one_per_family(small), *_one_per_family(recurring)], key=lambda c: c.rank)
     if not any(c.explains for c in table):
         table = sorted([*table, *_pairs(atoms, samples)], key=lambda c: c.rank)
     return tuple(table[:keep])
@@ -65,6 +80,7 @@ class _Atom:
     on_frames: BoolArray
     scale: float
     margin: float
+    bits: float
 
     @property
     def accepted(self) -> float:
@@ -75,7 +91,9 @@ class _Atom:
         return ((str(self.feature.term), float(f"{self.scale:.4g}")),)
 
     def judged(self) -> Judged:
-        return Judged(self.predicate, (self.feature,), self.on_negatives, self.on_frames, self.margin, self.scales)
+        return Judged(
+            self.predicate, (self.feature,), self.on_negatives, self.on_frames, self.margin, self.scales, self.bits
+        )
 
 
 def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
@@ -94,6 +112,7 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
                         frames & atom.on_frames,
                         atom.margin,
                         (*anchor.scales.items(), *atom.scales),
+                        atom.bits,
                         anchor,
                     ),
                     samples,
@@ -102,41 +121,67 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
 
 def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
     found: list[_Atom | None] = []
-    sets = (samples.positives, samples.negatives, samples.frames)
+    sets = (samples.before, samples.reached, samples.negatives, samples.frames)
     for feature in features:
-        pos, neg, frames = (feature.values(s, samples.layout) for s in sets)
-        if not all(np.isfinite(v).all() for v in (pos, neg, frames)):
-            continue
-        found += [_atom(feature, pos, neg, frames, sign) for sign in (1.0, -1.0)]
+        before, reached, neg, frames = (feature.values(s, samples.layout) for s in sets)
+        if all(np.isfinite(values).all() for values in (before, reached, neg, frames)):
+            found += [_atom(feature, before, reached, neg, frames, sign) for sign in (1.0, -1.0)]
     return [atom for atom in found if atom is not None]
 
 
-def _atom(feature: Feature, pos: FloatArray, neg: FloatArray, frames: FloatArray, sign: float) -> _Atom | None:
-    """Put the threshold at the extreme of the positives; sign 1 for "below", -1 for "above"."""
-    pos, neg, frames = sign * pos, sign * neg, sign * frames
+def _atom(
+    feature: Feature, before: FloatArray, reached: FloatArray, neg: FloatArray, frames: FloatArray, sign: float
+) -> _Atom | None:
+    """Put the threshold at the extreme of the positives; sign 1 for "below", -1 for "above".
+
+    What must still hold with ψ is measured where ψ first holds, what is passed on the way right before: whichever of
+    the two is the sharper.
+    """
+    before, reached, neg, frames = sign * before, sign * reached, sign * neg, sign * frames
+    pos = np.minimum(before, reached)
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    threshold, gap = bound(pos, neg, spread)
+    threshold, gap = bound(pos, neg, spread, before)
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread)
+    width = threshold if isinstance(feature.term, Norm) and sign > 0 else threshold - float(pos.min())
+    said = bits(width, np.concatenate([neg, frames]), feature.detail)
+    return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread, said)
 
 
-def bound(pos: FloatArray, neg: FloatArray, spread: float) -> tuple[float, float]:
+def bits(width: float, values: FloatArray, numbers: int) -> float:
+    """Return how much it says that a quantity lies in an interval.
+
+    Args:
+        width: of the interval.
+        values: (S,) what the quantity is otherwise.
+        numbers: how many numbers the quantity sums up; a ball's volume falls with their count.
+    """
+    usual = float(np.subtract(*np.quantile(values, (0.95, 0.05))))
+    if usual <= 0.0:
+        return 0.0
+    return float(numbers * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
+
+
+def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
     Args:
         pos: (P,) values to lie below.
         neg: (M,) values that had better not.
         spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
+        before: (P,) values right before the goal; those beyond the positives show that the goal is what sets them.
     """
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
     slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
-    few = np.mean((neg > extreme) & (neg < extreme + slack)) <= FEW if neg.size else True
-    return _rounded(extreme + (slack if few else min(slack, 0.5 * gap)), extreme, neg), gap
+    for values in (neg, pos if before is None else before):
+        near = values[values > extreme]
+        if near.size and np.mean((values > extreme) & (values < extreme + slack)) > FEW:
+            slack = min(slack, 0.5 * (float(near.min()) - extreme))
+    return _rounded(extreme + slack, extreme, neg), gap
 
 
 def _rounded(value: float, extreme: float, neg: FloatArray) -> float:
@@ -176,7 +221,7 @@ def _sharpest(family: list[Candidate]) -> list[Candidate]:
 
 
 def _within_family(c: Candidate) -> tuple[float | bool | str, ...]:
-    return (c.initial > OFTEN, level(1.0 - c.kept, LOST_LEVELS), -c.detail, c.first, -c.margin, str(c.predicate))
+    return (c.initial > OFTEN, level(1.0 - c.kept, LOST_LEVELS), -c.bits, c.first, -c.margin, str(c.predicate))
 
 
 def _pairs(atoms: Sequence[_Atom], samples: Samples, best: int = 100, keep: int = 800) -> list[Candidate]:
@@ -201,5 +246,6 @@ def _conjunction(a: _Atom, b: _Atom, samples: Samples) -> Candidate:
         a.on_frames & b.on_frames,
         min(a.margin, b.margin),
         (*a.scales, *b.scales),
+        a.bits + b.bits,
     )
     return judge(both, samples)

@@ -54,10 +54,12 @@ class Enumeration:
     Args:
         best: the cheapest separating predicate, of equals the most accurate; None when there is none.
         candidates: conjunctions judged.
+        simpler: of these, how many cost no more than the best.
     """
 
     best: Predicate | None
     candidates: int
+    simpler: int = 0
 
 
 def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predicate | None:
@@ -82,7 +84,7 @@ def enumerate_conjunctions(atoms: Atoms, positive: BoolArray, tolerance: float, 
     door = _Door(literals(atoms), positives, negatives, tolerance, budget)
     for length in range(1, LONGEST + 1):
         door.judge_all(length)
-    return Enumeration(door.cheapest(), door.candidates)
+    return Enumeration(door.cheapest(), door.candidates, door.count_up_to(door.least))
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,7 @@ class _Door:
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
         self.shown, self.hidden = float(self.positives.sum()), float(self.negatives.sum())
+        self.prices = np.array([p.cost for p in self.literals], dtype=np.int64)
         tables = np.array([p.truth for p in self.literals], dtype=np.float32).reshape(len(self.literals), -1)
         kept = np.flatnonzero(tables @ self.positives >= self.shown - self._errors(self.shown))
         self.literals = [self.literals[i] for i in kept]
@@ -231,6 +234,11 @@ class _Door:
     def _errors(self, examples: float) -> float:
         """Return how many of so many examples may be judged wrongly."""
         return float(np.floor(self.tolerance * examples + 1e-9))
+
+    def count_up_to(self, cost: int) -> int:
+        """Return how many literals, and pairs of literals, cost no more than `cost`."""
+        pairs = np.add.outer(self.prices, self.prices)[np.triu_indices(len(self.prices), 1)]
+        return int((self.prices <= cost).sum() + (pairs <= cost).sum())
 
     def cheapest(self) -> Predicate | None:
         """Return the cheapest candidate found, then the most accurate, then the first by its text."""

@@ -42,6 +42,11 @@ class Attribute:
         """Count of numbers."""
         return len(self.components)
 
+    @property
+    def is_place(self) -> bool:
+        """Whether it says how things are, number by number: no velocity, and no quaternion."""
+        return not self.unit.endswith("/s") and self.unit != "quaternion"
+
 
 @dataclass(frozen=True)
 class ObjectType:

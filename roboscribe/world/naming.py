@@ -14,7 +14,7 @@ import numpy as np
 from roboscribe.world.layout import FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import Trajectory
 
-_POSE_UNITS = ("m", "rad")
+_NOTICED = {"m": 0.01, "rad": 0.5}  # changes below these are touches; of any other unit a tenth
 _MOVED = 0.1  # share of an episode's largest displacement that counts as "displaced"
 
 
@@ -34,14 +34,14 @@ def by_binding(layout: Layout, bound: Sequence[int]) -> tuple[int, ...]:
 def first_displacements(trajectory: Trajectory) -> IntArray:
     """Step at which each entity first leaves its place, shape (N,); the episode's length where it never does.
 
-    An entity counts as displaced once one of its lengths or angles has changed by a tenth of the largest change
-    that any entity of its type shows in that attribute. Only what a controller moves counts, so a goal never does.
+    An entity counts as displaced once one of its attributes, velocities and quaternions aside, has changed by a tenth
+    of the largest change that any entity of its type shows in that attribute. Only what a controller moves counts, so a goal never does.
     """
     layout = trajectory.layout
     first = np.full(len(layout.entities), len(trajectory), dtype=np.int64)
     for kind in layout.types.values():
         members = layout.of_type(kind.name)
-        for attribute in (a for a in kind.attributes if a.unit in _POSE_UNITS):
+        for attribute in (a for a in kind.attributes if a.is_place):
             change = np.stack([_change(trajectory.states, layout, i, attribute.name) for i in members])
             largest = change.max()
             if largest > 0.0 and _worth_noticing(attribute.unit, float(largest)):
@@ -52,7 +52,7 @@ def first_displacements(trajectory: Trajectory) -> IntArray:
 
 
 def _worth_noticing(unit: str, change: float) -> bool:
-    return change > (0.01 if unit == "m" else 0.5)
+    return change > _NOTICED.get(unit, 0.1)
 
 
 def _change(states: FloatArray, layout: Layout, entity: int, attribute: str) -> FloatArray:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from roboscribe.world.layout import FloatArray, Layout
+import numpy as np
+
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+
+NEVER = np.iinfo(np.int64).max
+"""First step of what never holds."""
+AGREEMENT = 0.95
+"""Share of the demonstrations that must agree: the paper's are perfect, real ones nearly so."""
 
 
 @dataclass(frozen=True)
@@ -37,3 +44,11 @@ class Trajectory:
     def simulated(self, entity: int) -> int:
         """Return what the simulator calls an entity."""
         return self.origin[entity] if self.origin else entity
+
+
+def first_true(truth: BoolArray, starts: IntArray) -> IntArray:
+    """First true frame of each part of `truth` (S,), counted from where it starts, (C,); NEVER where there is none."""
+    ends = np.append(starts[1:], len(truth))
+    where = np.flatnonzero(truth)
+    step = np.append(where, len(truth))[np.searchsorted(where, starts)]
+    return np.where(step < ends, step - starts, NEVER).astype(np.int64)

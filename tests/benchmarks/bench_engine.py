@@ -16,7 +16,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from roboscribe.envs import demonstrator, tower_moves
+from roboscribe.envs import block_moves, tower_moves
 from roboscribe.envs.gym_adapter import make_env, state_of
 from roboscribe.envs.pick_place import PickPlace
 
@@ -58,7 +58,7 @@ def ours(blocks: int, timing: str) -> Turn:
     """Prepare `ROWS` worlds; each call runs one episode of all of them."""
     world = PickPlace("bench", blocks, contact="paper", timing=timing).world(ROWS)
     rows = np.arange(ROWS)
-    command = (demonstrator.SINGLE if blocks == 1 else tower_moves.SERVE).command
+    command = (tower_moves.SINGLE if blocks == 1 else tower_moves.SERVE).command
 
     def turn() -> tuple[float, float]:
         rng, watch, before = np.random.default_rng(0), Watch(), world.control_steps
@@ -81,7 +81,7 @@ def theirs(episodes: int = 8) -> Turn:
         for seed in range(episodes):
             observation, _ = env.reset(seed=seed)
             for _ in range(STEPS):
-                action = demonstrator.command(state_of(observation)[None])[0] + rng.normal(size=4) * NOISE
+                action = block_moves.command(state_of(observation)[None])[0] + rng.normal(size=4) * NOISE
                 with watch:
                     observation = env.step(action)[0]
         return watch.speeds(episodes * STEPS)

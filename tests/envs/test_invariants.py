@@ -7,8 +7,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from roboscribe.envs import demonstrator
 from roboscribe.envs.catalogue import GYM, make_task, task_names
+from roboscribe.envs.styles import DEFAULT, STYLES
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import ROBOT, FloatArray, IntArray
 from roboscribe.world.protocols import Task, World
@@ -16,6 +16,7 @@ from roboscribe.world.trajectory import Trajectory
 
 STEPS = 12
 EPISODES = 2
+STAY = STYLES[DEFAULT].after
 NAMES = ("pick-place-1", "pick-place-2", "tower-2", "multitower-4", "pyramid-3", GYM)
 """One of every family, small."""
 
@@ -199,8 +200,8 @@ def test_demonstrations_solve_the_task(task: Task) -> None:
         assert len(trajectory.states) == len(trajectory.actions) + 1 == len(trajectory.snapshots)
         assert len(trajectory.actions) <= task.horizon
         assert (np.abs(trajectory.actions) <= 1).all()
-        assert task.solved(trajectory.states)[-demonstrator.STAY :].all()
-        assert not task.solved(trajectory.states)[: -demonstrator.STAY][-1:].any()
+        assert task.solved(trajectory.states)[-STAY:].all()
+        assert not task.solved(trajectory.states)[:-STAY][-1:].any()
 
 
 def test_demonstrations_can_be_replayed(task: Task) -> None:

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from pipelines.cli import STYLE_HELP
 from roboscribe.envs.point_world import POINT_TASKS
+from roboscribe.envs.styles import style_names
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.world.trajectory import Trajectory
 from tests.pipelines.runs import Command, contents, run, scripted
@@ -42,6 +44,10 @@ def test_tasks_lists_every_task(command: Command, capsys: pytest.CaptureFixture[
     assert "pick-place-1" in listed
     assert "g(block): position" in listed
     assert "100 steps, 25 Hz" in listed
+
+
+def test_demos_names_every_style() -> None:
+    assert all(name in STYLE_HELP for name in style_names())
 
 
 def test_synthesize_from_a_file(command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -123,6 +129,9 @@ def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.C
         (["evaluate", "/nowhere", "--task", TASK], "/nowhere: does not exist"),
         (["evaluate", "0" * 32, "--task", TASK], "there is no tracking store"),
         (["demos", TASK, "--out", "/proc/nowhere/d.parquet"], "/proc/nowhere/d.parquet"),
+        (["demos", "pick-place-1", "--style", "quick", "--out", "d.parquet"], "unknown style 'quick'"),
+        (["demos", TASK, "--style", "slow", "--out", "d.parquet"], f"{TASK} has its own demonstrator"),
+        (["demos", TASK, "--failing", "0.7", "--out", "d.parquet"], "--failing"),
         (["nonsense"], "nonsense"),
     ],
 )

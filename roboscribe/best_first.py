@@ -1,0 +1,170 @@
+"""Which subgoals to try: lines of choices for Algorithm 2, the likeliest first, none of them final."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from heapq import heappop, heappush
+from typing import Generic, TypeVar
+
+from roboscribe.classifier import Refinement
+from roboscribe.dsl.syntax import Program
+from roboscribe.errors import Fail
+from roboscribe.steps import Limits, Outcome, Refined, Skills, Solution, Steps
+from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.world.layout import FloatArray
+from roboscribe.world.trajectory import AGREEMENT
+
+T = TypeVar("T")
+TRIED = "trained and did not help"
+
+
+@dataclass
+class Search(Generic[Skills]):
+    """Every choice passes here: which lines are open, what was done already, what was best.
+
+    A line is the list of its choices; a choice is the rank of what is taken among what is possible. Lines are taken up
+    in the order of the ranks they give away, latest choices first. What two lines share is done once.
+    """
+
+    steps: Steps[Skills]
+    limits: Limits
+    best: Solution[Skills] | None = None
+    trained: int = 0
+    open: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=lambda: [(0, 0, ())])
+    done: dict[tuple[object, ...], object] = field(default_factory=dict)
+
+    def lines(self) -> Iterator[tuple[int, ...]]:
+        """Yield the choices of one line after the other, best first, while the budget lasts."""
+        while self.open and self.trained < self.limits.programs:
+            yield heappop(self.open)[-1]
+
+    def following(self, choices: tuple[int, ...]) -> Line[Skills]:
+        """Prepare one line."""
+        return Line(self, choices)
+
+    def leave_open(self, choices: tuple[int, ...]) -> None:
+        """Remember that another choice is possible."""
+        heappush(self.open, (sum(choices), -len(choices), choices))
+
+
+@dataclass
+class Line(Generic[Skills]):
+    """The pieces of Algorithm 2 along one line of choices."""
+
+    search: Search[Skills]
+    choices: tuple[int, ...]
+    taken: tuple[int, ...] = ()
+    calls: int = 0
+
+    @property
+    def limits(self) -> Limits:
+        """Accuracy asked and effort allowed."""
+        return self.search.limits
+
+    def generate(self, psi: str, tree: Tree) -> Program | Fail:
+        """GENPROGRAM."""
+        return self._once(lambda: self.search.steps.generate(psi, tree))
+
+    def attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome] | Fail:
+        """TRAINPROGRAM and Exec(M, P)."""
+        return self._once(lambda: self._attempt(program, psi, tree, skills))
+
+    def _attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome] | Fail:
+        search, steps = self.search, self.search.steps
+        if search.trained >= search.limits.programs:
+            return Fail(f"the budget of {search.limits.programs} trained programs is spent")
+        search.trained += 1
+        skills = steps.train(program, psi, tree, skills)
+        outcome = steps.roll_out(program, psi, skills)
+        best = search.best
+        if psi == ROOT and len(tree.nodes) > 2 and outcome.rate > (0.0 if best is None else best.rate):
+            search.best = Solution(program, tree, skills, outcome)
+        return skills, outcome
+
+    def goes_on(self) -> bool:
+        """Whether a subgoal that is reached often, but not often enough, is taken as it is."""
+        return self._choose() == 0
+
+    def refine(self, failures: FloatArray, tree: Tree, psi: str) -> tuple[Refinement, Tree] | Fail:
+        """LEARNCLASSIFIER, UPDATETREE and VALIDATE: the subgoal at this line's rank among those that can be right."""
+        options = self._once(lambda: self._options(failures, tree, psi))
+        if isinstance(options, Fail):
+            return options
+        rank = self._choose()
+        refined = self._once(lambda: self._refined(options, rank))
+        return refined if isinstance(refined, Fail) else (refined.refinement, refined.tree)
+
+    def _refined(self, options: _Options[Skills], rank: int) -> Refined | Fail:
+        refined = options.at(rank)
+        if not isinstance(refined, Fail):
+            self.search.steps.tell(refined)
+        return refined
+
+    def _options(self, failures: FloatArray, tree: Tree, psi: str) -> _Options[Skills] | Fail:
+        if len(self.taken) >= self.limits.refinements:
+            return Fail(f"{self.limits.refinements} refinements were not enough")
+        found = self.search.steps.classify(failures, tree, psi)
+        return found if isinstance(found, Fail) else _Options(self.search.steps, found, tree)
+
+    def _choose(self) -> int:
+        """Take the next choice; beyond those given the best, leaving the next best open."""
+        place = len(self.taken)
+        rank = self.choices[place] if place < len(self.choices) else 0
+        if place >= len(self.choices) - 1:
+            self.search.leave_open((*self.taken, rank + 1))
+        self.taken = (*self.taken, rank)
+        return rank
+
+    def _once(self, act: Callable[[], T]) -> T:
+        """Do what this line has not done in common with an earlier one."""
+        key = (self.taken, self.calls)
+        self.calls += 1
+        if key not in self.search.done:
+            self.search.done[key] = act()
+        return self.search.done[key]  # type: ignore[return-value]  # the key tells what was done
+
+
+@dataclass
+class _Options(Generic[Skills]):
+    """The subgoals of a table that can be right, found one after the other."""
+
+    steps: Steps[Skills]
+    refinement: Refinement
+    tree: Tree
+    found: list[Refined] = field(default_factory=list)
+    passed: list[tuple[str, str]] = field(default_factory=list)
+    looked_at: int = 0
+
+    def at(self, rank: int) -> Refined | Fail:
+        """Return the one at a rank; Fail where there are not so many."""
+        while len(self.found) <= rank and self.looked_at < len(self.refinement.table):
+            self._look()
+        if rank < len(self.found):
+            return self.found[rank]
+        reasons = "; ".join(f"{phi}: {why}" for phi, why in self.passed[:3])
+        return Fail(f"no other subgoal is left to try ({reasons or 'none separates'})")
+
+    def _look(self) -> None:
+        """Look at the next row of the table before anything is trained for it."""
+        candidate = self.refinement.table[self.looked_at]
+        refinement = self.steps.alternative(self.refinement, self.looked_at, self.tree)
+        self.looked_at += 1
+        tree = self.steps.update_tree(self.tree, refinement)
+        viable = self._explains(tree)
+        if isinstance(viable, Fail):
+            self.passed.append((str(candidate.predicate), viable.reason))
+            return
+        passed = (*((str(r.refinement.node.predicate), TRIED) for r in self.found), *self.passed)
+        self.found.append(Refined(replace(refinement, passed_over=passed), tree, *viable))
+
+    def _explains(self, tree: Tree) -> tuple[int, int] | Fail:
+        """Return how many demonstrations the program of a tree explains, and all; Fail where it cannot be right."""
+        invalid = self.steps.validate(tree)
+        program = self.steps.generate(ROOT, tree) if invalid is None else invalid
+        if isinstance(program, Fail):
+            return program
+        count, shown = self.steps.explained(program)
+        if count < AGREEMENT * shown:
+            return Fail(f"its program explains {count} of {shown} demonstrations")
+        return count, shown

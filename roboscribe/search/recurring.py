@@ -1,0 +1,157 @@
+"""Predicates that demonstrations bring about for one entity of a type after the other: what loops are made of.
+
+A predicate about one entity is a schema: it is judged on every (demonstration, entity) pair, not on one name. An entity
+that satisfies it from the start is no evidence, one that reaches it late is. All of the type satisfy it once the goal
+is reached; that is what the goal asks for, so it is measured there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
+from roboscribe.dsl.semantics import evaluate
+from roboscribe.dsl.syntax import Norm
+from roboscribe.search.candidates import MOST_INITIAL, Candidate
+from roboscribe.search.features import Feature
+from roboscribe.search.predicates import bits, bound
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.trajectory import AGREEMENT, first_true
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Demonstrations, read once for every entity of a type.
+
+    Args:
+        layout: meaning of the states.
+        entity: the name that stands for any of them, b1.
+        members: (N,) the entities.
+        frames: (S, F) demonstrations from their start to the first frame of ψ_R, one after the other.
+        starts: (D,) where each begins in `frames`.
+        negatives: (M, F), N_s.
+        known: families that the tree compares already.
+    """
+
+    layout: Layout
+    entity: str
+    members: tuple[int, ...]
+    frames: FloatArray
+    starts: IntArray
+    negatives: FloatArray
+    known: frozenset[str]
+
+    @property
+    def lasts(self) -> IntArray:
+        """Last frame of each demonstration, (D,)."""
+        return np.append(self.starts[1:], len(self.frames)) - 1
+
+    def values(self, feature: Feature, states: FloatArray) -> FloatArray:
+        """Evaluate a feature for every entity, (N, S)."""
+        named = ((e, {self.entity: self.layout.names[e]}) for e in self.members)
+        return np.stack([evaluate(rename(feature.term, m), states, {}, self.layout)[..., 0] for _, m in named])
+
+
+def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[Candidate]:
+    """Find what every entity of a type satisfies once ψ_R holds, and most are brought to on the way.
+
+    Args:
+        features: scalar expressions; those that mention `pairs.entity` and no robot are looked at: what is brought
+            about for one entity has to last while the robot is busy with the next.
+        pairs: evidence.
+
+    Yields:
+        Candidates about `pairs.entity`, with `each` set.
+
+    Departs: Algorithm 3, line 2 finds a loop when a predicate learned from one entity recurs with another; a predicate
+        that was learned from all of them is a loop to begin with.
+    """
+    for feature in features:
+        if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
+            values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
+            if np.isfinite(values).all() and np.isfinite(negatives).all():
+                for sign in (1.0, -1.0):
+                    found = _candidate(feature, sign, sign * values, sign * negatives, pairs)
+                    if found is not None:
+                        yield found
+
+
+def _candidate(
+    feature: Feature, sign: float, values: FloatArray, negatives: FloatArray, pairs: Pairs
+) -> Candidate | None:
+    """Put a threshold where all entities lie once ψ_R holds; values (N, S) to lie below."""
+    spread = float(np.std(np.concatenate([values.ravel(), negatives.ravel()])))
+    if spread == 0.0:
+        return None
+    worst = negatives.max(axis=0)
+    at_end, before = values[:, pairs.lasts], values[:, pairs.lasts - 1]
+    pos = np.minimum(at_end, before)
+    settled = _settled(values, pos.max(), pairs)
+    kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos.ravel()
+    near = before[settled] if settled.any(axis=0).mean() >= AGREEMENT else before.ravel()
+    threshold, gap = bound(kept, worst, spread, near)
+    predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
+    truth = values < threshold
+    first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
+    reached = first <= (pairs.lasts - pairs.starts)[:, None]
+    missing = (~reached).sum(axis=1)
+    late = (first > 0) & reached
+    if np.mean(missing <= 1) < AGREEMENT or (len(pairs.members) == 1 and missing.any()):
+        return None
+    if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
+        return None
+    width = threshold if isinstance(feature.term, Norm) and sign > 0 else threshold - float(kept.min())
+    lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
+    return Candidate(
+        predicate=predicate,
+        accepted=float(np.mean(worst < threshold)) if worst.size else 0.0,
+        initial=float(np.mean((first == 0).all(axis=1))),
+        kept=_kept(truth, first, pairs),
+        first=float(np.median((first / lengths)[late])) if late.any() else 1.0,
+        copy=feature.family in pairs.known,
+        relevant=True,
+        advances=True,
+        margin=gap / spread,
+        scales=((str(feature.term), float(f"{spread:.4g}")),),
+        entities=len(free_vars(feature.term)),
+        bits=bits(width, values.ravel(), feature.detail),
+        size=size(predicate),
+        family=feature.family,
+        each=True,
+    )
+
+
+def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
+    """Tell which (entity, demonstration) pairs were left behind before ψ_R held, (N, D).
+
+    The one that was served last is still being served when a demonstration ends at once, so it may be further off.
+    """
+    since = np.stack([_last_false(row < threshold, pairs) for row in values])
+    settled: BoolArray = since < since.max(axis=0)
+    return settled
+
+
+def _last_false(truth: BoolArray, pairs: Pairs) -> IntArray:
+    """Last frame of each demonstration on which something is not so, counted from its start, -1 if none, (D,)."""
+    parts = np.split(truth, pairs.starts[1:])
+    return np.array([int(np.flatnonzero(~part)[-1]) if not part.all() else -1 for part in parts], dtype=np.int64)
+
+
+def _one_by_one(first: IntArray, late: BoolArray) -> bool:
+    """Whether entities that are brought to it are brought to it at different times; (D, N) each."""
+    shown = [first[d, late[d]] for d in range(len(first)) if late[d].sum() > 1]
+    return not shown or float(np.mean([len(set(times.tolist())) == len(times) for times in shown])) >= AGREEMENT
+
+
+def _kept(truth: BoolArray, first: IntArray, pairs: Pairs) -> float:
+    """Share of the frames after an entity first satisfied it on which it does."""
+    held = total = 0
+    for d, (start, last) in enumerate(zip(pairs.starts, pairs.lasts, strict=True)):
+        for n in range(len(truth)):
+            if first[d, n] <= last - start:
+                part = truth[n, start + first[d, n] : last + 1]
+                held, total = held + int(part.sum()), total + len(part)
+    return held / max(1, total)

@@ -1,0 +1,212 @@
+"""The pieces of Algorithm 2, what they show, and what Algorithm 1 decides."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Generic, TypeAlias, TypeVar
+
+import numpy as np
+
+from roboscribe.classifier import Refinement, alternative, learn_classifier
+from roboscribe.dsl.interpreter import explains
+from roboscribe.dsl.rollouts import Rollouts
+from roboscribe.dsl.syntax import Program
+from roboscribe.errors import Fail
+from roboscribe.evidence import Evidence
+from roboscribe.program_gen import gen_program
+from roboscribe.subtask_tree import Tree, update_tree, validate
+from roboscribe.world.layout import NULL, FloatArray
+from roboscribe.world.naming import by_binding
+
+Skills = TypeVar("Skills")
+"""Whatever TRAINPROGRAM returns: the algorithms pass controllers on without looking at them."""
+Z95 = 1.96
+"""Standard deviations on either side of a 95 % interval."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What Exec(M, P) showed for one program and goal.
+
+    Args:
+        successes: episodes that reached the goal.
+        episodes: episodes run.
+        failures: (M, F), N_s: states of the failing episodes, entities named in the order of their binding; where an
+            episode fails within a loop, only those in which the loop served the entity that it failed at, first named.
+    """
+
+    successes: int
+    episodes: int
+    failures: FloatArray
+
+    @property
+    def rate(self) -> float:
+        """Share of episodes that reached the goal."""
+        return self.successes / self.episodes
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % Wilson interval of the success rate."""
+        n, p = self.episodes, self.rate
+        middle = p + Z95**2 / (2 * n)
+        spread = Z95 * np.sqrt(p * (1 - p) / n + Z95**2 / (4 * n**2))
+        return float((middle - spread) / (1 + Z95**2 / n)), float((middle + spread) / (1 + Z95**2 / n))
+
+    def beats(self, other: Outcome) -> bool:
+        """Whether it is measurably better than another: their intervals do not overlap."""
+        return self.interval[0] > other.interval[1]
+
+    @classmethod
+    def of(cls, rollouts: Rollouts) -> Outcome:
+        """Read rollouts; a diverged episode is a failure whose states are left out."""
+        failed = np.flatnonzero(~rollouts.success & ~rollouts.diverged)
+        lost = [_failing_states(rollouts, int(episode)) for episode in failed]
+        failures = np.concatenate(lost) if lost else np.empty((0, rollouts.layout.size))
+        return cls(int(rollouts.success.sum()), len(rollouts.success), failures)
+
+
+def _failing_states(rollouts: Rollouts, episode: int) -> FloatArray:
+    """States in which a failing episode was at what it failed at, with the entity that a loop served named first."""
+    layout, states = rollouts.layout, rollouts.trajectories[episode].states
+    bound = list(rollouts.bound[episode])
+    served = rollouts.served[episode] if rollouts.served else np.empty(0, dtype=np.int64)
+    if len(served) and served[-1] != NULL:
+        entity = int(served[-1])
+        bound = [entity, *(e for e in bound if e != entity)]
+        states = states[1:][served == entity]
+    return layout.permute(states, by_binding(layout, bound))
+
+
+@dataclass(frozen=True)
+class Steps(Generic[Skills]):
+    """The pieces of Algorithm 2. Pipelines wrap each to track and cache it; the algorithm stands here once.
+
+    Args:
+        generate: GENPROGRAM without training: goal and tree to program.
+        train: TRAINPROGRAM: grounds every controller of a program that the given skills lack.
+        roll_out: Exec(M, P) for a program, its skills and a goal.
+        classify: LEARNCLASSIFIER: N_s, tree and goal to a refinement.
+        alternative: the refinement with the subgoal at a rank of its table.
+        update_tree: UPDATETREE: tree and refinement to tree.
+        validate: VALIDATE: the reason why a tree cannot be right, or None.
+        explained: how many demonstrations a program explains, and of how many.
+        check: a short Exec(M, P), enough to see that a program has become worse; None takes `roll_out`.
+        tell: hears what is decided.
+    """
+
+    generate: Callable[[str, Tree], Program | Fail]
+    train: Callable[[Program, str, Tree, Skills], Skills]
+    roll_out: Callable[[Program, str, Skills], Outcome]
+    classify: Callable[[FloatArray, Tree, str], Refinement | Fail]
+    alternative: Callable[[Refinement, int, Tree], Refinement]
+    update_tree: Callable[[Tree, Refinement], Tree]
+    validate: Callable[[Tree], Fail | None]
+    explained: Callable[[Program], tuple[int, int]]
+    check: Callable[[Program, str, Skills], Outcome] | None = None
+    tell: Callable[[Decision], None] = lambda _: None
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A subgoal was chosen, and these came before it in the table.
+
+    Args:
+        refinement: with what was passed over and why.
+        tree: the tree with the subgoal.
+        explained: demonstrations that the program of that tree explains.
+        demonstrations: how many there are.
+    """
+
+    refinement: Refinement
+    tree: Tree
+    explained: int
+    demonstrations: int
+
+
+@dataclass(frozen=True)
+class Abandoned:
+    """A line of refinements ended without a program that is good enough; another one is taken up."""
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Removed:
+    """A subgoal was taken out again, for the program is as good without it."""
+
+    node: str
+    success: float
+
+
+Decision: TypeAlias = Refined | Abandoned | Removed
+
+
+def pure_steps(
+    evidence: Evidence,
+    train: Callable[[Program, str, Tree, Skills], Skills],
+    roll_out: Callable[[Program, str, Skills], Outcome],
+    name: str = "P",
+) -> Steps[Skills]:
+    """Bind the pure functions to the demonstrations; training and rollouts arrive as callables."""
+    return Steps(
+        generate=lambda goal, tree: gen_program(goal, evidence, tree, name),
+        train=train,
+        roll_out=roll_out,
+        classify=lambda failures, tree, goal: learn_classifier(failures, evidence, tree, goal),
+        alternative=lambda refinement, rank, tree: alternative(refinement, rank, evidence, tree),
+        update_tree=lambda tree, refinement: update_tree(tree, refinement.node, refinement.psi, refinement.place),
+        validate=lambda tree: validate(tree, lambda phi, psi: evidence.edge_steps(tree, phi, psi)),
+        explained=lambda program: explained(program, evidence),
+    )
+
+
+def explained(program: Program, evidence: Evidence) -> tuple[int, int]:
+    """Count the demonstrations that a program explains, and all."""
+    shown = explains(program, evidence.trajectories, evidence.solved)
+    return int(shown.sum()), len(shown)
+
+
+@dataclass(frozen=True)
+class Solution(Generic[Skills]):
+    """P*, T* and how they were found.
+
+    Args:
+        program: the program.
+        tree: the abstraction it was generated from.
+        skills: its controllers.
+        outcome: how often it reached the goal when it was last tried.
+        refinements: every refinement in order.
+        removed: subgoals that were taken out again.
+    """
+
+    program: Program
+    tree: Tree
+    skills: Skills
+    outcome: Outcome
+    refinements: tuple[Refinement, ...] = ()
+    removed: tuple[str, ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Share of episodes that reached the goal."""
+        return self.outcome.rate
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a program is good enough, and when to give up.
+
+    Args:
+        success: 1 − ε, the success rate that is wanted.
+        programs: most programs that are trained.
+        refinements: most refinements of one line (Sec. 4.4 bounds them; this bounds them tighter).
+    """
+
+    success: float = 0.97
+    programs: int = 40
+    refinements: int = 20
+
+    def met(self, outcome: Outcome) -> bool:
+        """Whether an outcome cannot be told apart from what is wanted."""
+        return outcome.interval[1] >= self.success

@@ -1,0 +1,229 @@
+"""Tasks to develop with. Those that were set aside are in `held_out`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from tests.quality.bench.data import Aim, Kind, Phase
+from tests.quality.bench.shapes import (
+    BARE_DRAWER,
+    BARE_FAUCET,
+    BARE_MUG,
+    BLOCKS,
+    BUILD,
+    BUTTON,
+    CLOSED,
+    COASTER,
+    DRAWER,
+    EXTEND,
+    FAUCET,
+    MUG,
+    MUG_ON_COASTER,
+    OPEN,
+    PLACE,
+    PULL,
+    PUSH_BUTTON,
+    PUSHED,
+    SERVE_BLOCKS,
+    TILT,
+    TOWER,
+    TURN,
+    TURN_FAUCET,
+    TURNABLE,
+)
+from tests.quality.bench.task import KinematicTask
+
+TASKS: tuple[KinematicTask, ...] = (
+    # place: free goals, any order
+    KinematicTask("place-one", "place", (Kind("block"),), (SERVE_BLOCKS,)),
+    KinematicTask("place-two", "place", (Kind("block", 2),), (SERVE_BLOCKS,)),
+    KinematicTask("place-three-in-space", "place", (BLOCKS,), (SERVE_BLOCKS,), plane="xyz"),
+    # all of one kind, then all of another
+    KinematicTask(
+        "apples-then-bricks",
+        "kinds in turn",
+        (Kind("apple", 2), Kind("brick", 2)),
+        (Phase("apple"), Phase("brick")),
+    ),
+    # pushing
+    KinematicTask("push-one", "push", (PUSHED,), (SERVE_BLOCKS,), plane="xy"),
+    KinematicTask("push-three", "push", (replace(PUSHED, count=3),), (SERVE_BLOCKS,), plane="xy"),
+    # some are served already
+    KinematicTask("some-placed", "served at the start", (replace(BLOCKS, placed=0.3),), (SERVE_BLOCKS,)),
+    # two attributes of one object
+    KinematicTask("turn-place-one", "two attributes", (TURNABLE,), (Phase("block", (TURN, PLACE)),)),
+    KinematicTask(
+        "turn-place-three", "two attributes", (replace(TURNABLE, count=3),), (Phase("block", (TURN, PLACE)),)
+    ),
+    KinematicTask("place-turn-one", "two attributes", (TURNABLE,), (Phase("block", (PLACE, TURN)),)),
+    # drawers
+    KinematicTask("drawer-cubes", "drawer", (DRAWER, Kind("cube", 3)), (PULL, Phase("cube"))),
+    KinematicTask(
+        "drawer-cubes-ride",
+        "drawer",
+        (DRAWER, Kind("cube", 3, goals="rides", inside="drawer")),
+        (PULL, Phase("cube")),
+    ),
+    KinematicTask(
+        "drawer-cubes-inside",
+        "drawer",
+        (BARE_DRAWER, Kind("cube", 2, goal=(), inside="drawer")),
+        (OPEN, Phase("cube", (Aim("position", "inside", 0.1, "drawer"),))),
+        plane="xy",
+    ),
+    KinematicTask(
+        "drawer-closed-again",
+        "drawer",
+        (BARE_DRAWER, Kind("cube", 2, goals="rides", inside="drawer")),
+        (replace(OPEN, passing=True), Phase("cube"), Phase("drawer", (CLOSED,))),
+    ),
+    # mug, drawer, faucet
+    KinematicTask(
+        "mug-drawer-faucet",
+        "mug, drawer, faucet",
+        (MUG, DRAWER, FAUCET),
+        (Phase("mug"), PULL, TURN_FAUCET),
+    ),
+    KinematicTask(
+        "mug-drawer-faucet-initial",
+        "mug, drawer, faucet",
+        (BARE_MUG, COASTER, replace(BARE_DRAWER, initial=True), replace(BARE_FAUCET, initial=True)),
+        (
+            MUG_ON_COASTER,
+            Phase("drawer", (Aim("extension", "risen", 0.12),)),
+            Phase("faucet", (Aim("angle", "risen", 0.8),)),
+        ),
+    ),
+    KinematicTask(
+        "mug-drawer-faucet-slow",
+        "slow",
+        (MUG, DRAWER, FAUCET),
+        (Phase("mug"), PULL, TURN_FAUCET),
+        style="slow",
+    ),
+    # independent branches
+    KinematicTask(
+        "two-in-any-order",
+        "any order",
+        (MUG, DRAWER),
+        (Phase("mug"), PULL),
+        phase_order="random",
+    ),
+    KinematicTask(
+        "three-in-any-order",
+        "any order",
+        (MUG, DRAWER, FAUCET),
+        (Phase("mug"), PULL, TURN_FAUCET),
+        phase_order="random",
+    ),
+    # conditions
+    KinematicTask(
+        "peg-cube-by-height",
+        "conditions",
+        (Kind("peg", goals="stack"), Kind("cube", goals="stack")),
+        (Phase("peg"), Phase("cube")),
+        phase_order="goal z",
+    ),
+    KinematicTask(
+        "three-kinds-by-height",
+        "conditions",
+        (Kind("peg", goals="stack"), Kind("cube", goals="stack"), Kind("ring", goals="stack")),
+        (Phase("peg"), Phase("cube"), Phase("ring")),
+        phase_order="goal z",
+    ),
+    # loops in an order of their own
+    KinematicTask("by-weight", "order", (replace(BLOCKS, constants=("weight",)),), (Phase("block", order="weight"),)),
+    KinematicTask("biggest-first", "order", (replace(BLOCKS, constants=("size",)),), (Phase("block", order="-size"),)),
+    KinematicTask("from-left-to-right", "order", (BLOCKS,), (Phase("block", order="x"),)),
+    KinematicTask("nearest-to-the-hand", "order", (BLOCKS,), (Phase("block", order="hand"),)),
+    # demonstrations that fail
+    KinematicTask("place-one-in-ten-fails", "failing", (BLOCKS,), (SERVE_BLOCKS,), failing=0.1),
+    KinematicTask("tower-one-in-five-fails", "failing", (TOWER,), (BUILD,), failing=0.2),
+    KinematicTask("drawer-one-in-ten-fails", "failing", (DRAWER, MUG), (PULL, Phase("mug")), failing=0.1),
+    # few demonstrations
+    KinematicTask("place-from-two", "few", (BLOCKS,), (replace(SERVE_BLOCKS, free=True),), demos=2),
+    KinematicTask("place-from-five", "few", (BLOCKS,), (replace(SERVE_BLOCKS, free=True),), demos=5),
+    KinematicTask("tower-from-five", "few", (TOWER,), (BUILD,), demos=5),
+    # a loop among single steps
+    KinematicTask("button-then-loop", "loop and steps", (BUTTON, BLOCKS), (PUSH_BUTTON, SERVE_BLOCKS)),
+    KinematicTask("loop-then-button", "loop and steps", (BUTTON, BLOCKS), (SERVE_BLOCKS, PUSH_BUTTON)),
+    KinematicTask(
+        "loop-loop-button",
+        "loop and steps",
+        (Kind("apple", 2), Kind("brick", 2), BUTTON),
+        (Phase("apple"), Phase("brick"), PUSH_BUTTON),
+    ),
+    # styles
+    KinematicTask("place-clumsy", "styles", (BLOCKS,), (SERVE_BLOCKS,), style="clumsy"),
+    KinematicTask("tower-slow", "slow", (TOWER,), (BUILD,), style="slow"),
+    KinematicTask("tower-mixed", "styles", (TOWER,), (BUILD,), style="mixed"),
+    KinematicTask("tower-stop-at-once", "styles", (TOWER,), (BUILD,), stay=0),
+    KinematicTask("place-pauses", "styles", (BLOCKS,), (SERVE_BLOCKS,), style="pauses"),
+    # clutter
+    KinematicTask("clutter-of-another-kind", "clutter", (BLOCKS, Kind("can", 3, goal=())), (SERVE_BLOCKS,)),
+    KinematicTask("clutter-of-the-same-kind", "clutter", (Kind("block", 4, served=2),), (SERVE_BLOCKS,)),
+    KinematicTask(
+        "clutter-all-but-one", "clutter", (Kind("block", 3, served=2),), (replace(SERVE_BLOCKS, shape="either"),)
+    ),
+    # towers
+    KinematicTask("tower", "tower", (TOWER,), (BUILD,)),
+    KinematicTask("tower-hand-away", "tower", (TOWER,), (BUILD,), away=0.2),
+    # our own
+    KinematicTask(
+        "three-attributes",
+        "own",
+        (Kind("block", turned=("angle", "tilt"), goal=("position", "angle", "tilt")),),
+        (Phase("block", (TURN, TILT, PLACE)),),
+    ),
+    KinematicTask(
+        "key-door-loop",
+        "own",
+        (
+            Kind("key"),
+            Kind("door", moves="slides", goal=("extension",), locked_by="key"),
+            Kind("block", 2, locked_by="door"),
+        ),
+        (Phase("key"), Phase("door", (EXTEND,)), SERVE_BLOCKS),
+    ),
+    KinematicTask(
+        "sort-by-colour",
+        "own",
+        (
+            Kind("left", moves="fixed", goal=()),
+            Kind("right", moves="fixed", goal=()),
+            Kind("block", 4, goal=(), constants=("colour",)),
+        ),
+        (
+            Phase("block", (Aim("position", "inside", 0.1, "left"),), only="colour < 0.5"),
+            Phase("block", (Aim("position", "inside", 0.1, "right"),), only="colour > 0.5"),
+        ),
+    ),
+    KinematicTask(
+        "button-drawer-faucet-readings",
+        "mug, drawer, faucet",
+        (BUTTON, BARE_DRAWER, BARE_FAUCET),
+        (PUSH_BUTTON, OPEN, Phase("faucet", (Aim("angle", "above", 0.9),))),
+    ),
+    KinematicTask(
+        "button-then-by-height",
+        "conditions",
+        (BUTTON, Kind("peg", goals="stack"), Kind("cube", goals="stack")),
+        (PUSH_BUTTON, Phase("peg"), Phase("cube")),
+        phase_order="goal z",
+        first=1,
+    ),
+    KinematicTask("tower-in-space", "tower", (TOWER,), (BUILD,), plane="xyz"),
+    KinematicTask(
+        "plunger-then-loop",
+        "loop and steps",
+        (Kind("plunger", moves="slides", joint="depth", axis=-1, goal=()), Kind("block", 2)),
+        (Phase("plunger", (Aim("depth", "above", 0.18),)), SERVE_BLOCKS),
+        plane="xyz",
+    ),
+    KinematicTask(
+        "line-to-row",
+        "order",
+        (Kind("block", 4, goals="row", start="line"),),
+        (Phase("block", order="goal x"),),
+    ),
+)
