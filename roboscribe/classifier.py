@@ -77,9 +77,9 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
     samples = _samples(crossings, negatives, evidence, tree, psi, features)
     table = rank_predicates(features, samples, list(_recurring(samples, evidence, tree, psi)))
-    if not table or not table[0].separates:
+    if not any(c.possible for c in table):
         table = (*learn_decision_tree(features, samples), *table)
-    table = tuple(c for c in table if c.separates and c.advances and not c.copy)
+    table = tuple(c for c in table if c.possible)
     if not table:
         return Fail(
             f"no predicate of the declared attributes holds in the {len(crossings.starts)} demonstrated states before "
@@ -93,8 +93,14 @@ def alternative(refinement: Refinement, rank: int, evidence: Evidence, tree: Tre
     """Take the predicate at a rank of the table for the subgoal."""
     candidate = refinement.table[rank]
     name = name_predicate(candidate.predicate, {node.name for node in tree.nodes})
-    node = Node(name, candidate.predicate, candidate.each, dict(candidate.scales))
+    over = next((n for n in evidence.types if n in free_vars(candidate.predicate) and _several(n, evidence)), "")
+    node = Node(name, candidate.predicate, candidate.each, dict(candidate.scales), over if candidate.each else "")
     return replace(refinement, node=node, place=place_of(node, evidence, tree, refinement.psi))
+
+
+def _several(name: str, evidence: Evidence) -> bool:
+    """Whether there are other entities of an entity's type."""
+    return len(evidence.layout.of_type(evidence.types[name])) > 1
 
 
 def place_of(node: Node, evidence: Evidence, tree: Tree, psi: str) -> Place:
@@ -126,7 +132,7 @@ def _precedes(node: Node, old: Node, evidence: Evidence, tree: Tree, psi: str) -
 
 def _same_phase(node: Node, old: Node, evidence: Evidence, tree: Tree) -> bool:
     """Whether two things done to every entity of a type are done to one entity before the next is turned to."""
-    one, other = (np.sort(evidence.each_first_steps(n.predicate), axis=1) for n in (node, old))
+    one, other = (np.sort(evidence.each_first_steps(n.predicate, n.role), axis=1) for n in (node, old))
     alternate = [_alternating(a, b) for a, b in zip(one, other, strict=True)]
     shown = [each for each in alternate if each is not None]
     return not shown or float(np.mean(shown)) >= 0.5
@@ -152,9 +158,9 @@ def _comparable(negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str)
 def _nameable(evidence: Evidence, tree: Tree, psi: str) -> list[str]:
     """Entities that may be mentioned by name: of a type over which a loop goes only the one that it serves."""
     loop = tree.loop_around(psi)
-    served = free_vars(loop.predicate) if loop is not None else ()
-    looped = {evidence.types[name] for n in tree.nodes if n.circular for name in free_vars(n.predicate)}
-    return [name for name, kind in evidence.types.items() if kind not in looped or name in served]
+    looped = {evidence.types[n.role] for n in tree.nodes if n.circular}
+    served = "" if loop is None else loop.role
+    return [name for name, kind in evidence.types.items() if kind not in looped or name == served]
 
 
 def _samples(
@@ -179,8 +185,9 @@ def _samples(
         crossings.frames,
         crossings.starts,
         steps,
-        known=_compared(features, (tree.node(psi), *chain), evidence),
+        known=_compared(features, (*tree.above(psi), *chain), evidence),
         goal_entities=frozenset(free_vars(tree.node(psi).predicate)),
+        root=psi == ROOT,
         anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
 

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename
+from roboscribe.dsl.rewrite import rename
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Solved
 from roboscribe.dsl.types import named_entities
@@ -136,9 +136,8 @@ class Evidence:
         """Step at which a predicate first holds in each demonstration, (D,); NEVER where it does not."""
         return first_true(self.truth(predicate), self.starts)
 
-    def each_first_steps(self, predicate: Predicate) -> IntArray:
-        """Step at which a predicate about one entity first holds of every entity of its type, (D, N)."""
-        (name,) = free_vars(predicate)
+    def each_first_steps(self, predicate: Predicate, name: str) -> IntArray:
+        """Step at which a predicate about the entity `name` first holds of every entity of its type, (D, N)."""
         members = self.layout.of_type(self.types[name])
         found = [self.first_steps(rename(predicate, {name: self.layout.names[e]})) for e in members]
         return np.stack(found, axis=1)
@@ -153,10 +152,9 @@ class Evidence:
         loop = tree.loop_around(name)
         if loop is None:
             return tuple(Passage(d, 0, len(t), same) for d, t in enumerate(self.trajectories))
-        (entity,) = free_vars(loop.predicate)
-        role, members = self.layout.names.index(entity), self.layout.of_type(self.types[entity])
+        role, members = self.layout.names.index(loop.role), self.layout.of_type(self.types[loop.role])
         found = []
-        for d, first in enumerate(self.each_first_steps(loop.predicate)):
+        for d, first in enumerate(self.each_first_steps(loop.predicate, loop.role)):
             begin = 0
             for rank in np.argsort(first, kind="stable"):
                 if 0 < first[rank] < NEVER:

@@ -89,14 +89,13 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
         guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.predicate).thinned()
+    examples = loop_examples(evidence, node.predicate, node.role).thinned()
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
         return Truth()
-    (entity,) = free_vars(node.predicate)
-    nodes = (node, *tree.below(node.name))
-    learned = tuple(dict.fromkeys(n.predicate for n in nodes if free_vars(n.predicate) == (entity,)))
+    entity, nodes = node.role, (node, *tree.below(node.name))
+    learned = tuple(dict.fromkeys(n.predicate for n in nodes if entity in free_vars(n.predicate)))
     ended = examples[examples.positive | examples.done]
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
@@ -186,8 +185,8 @@ def _alike(literal: Literal) -> bool:
     return len({type(part.of) for part in walk(literal.predicate) if isinstance(part, Proj)}) == 1
 
 
-def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
-    """Label every (state, entity): positive while the entity is handled, negative before and after.
+def loop_examples(evidence: Evidence, phi: Predicate, name: str) -> Examples:
+    """Label every (state, entity of the type of `name`): positive while it is handled, negative before and after.
 
     Segment S_i ends when e_i first satisfies φ and begins where S_{i-1} ended. Entities that satisfy φ from the
     start are never handled; one that never satisfies φ is being handled when the demonstration ends; demonstrations
@@ -195,9 +194,8 @@ def loop_examples(evidence: Evidence, phi: Predicate) -> Examples:
 
     Source: Algorithm 6, lines 3-12.
     """
-    (name,) = free_vars(phi)
     members = evidence.layout.of_type(evidence.types[name])
-    first = np.stack([evidence.first_steps(rename(phi, {name: evidence.layout.names[e]})) for e in members])
+    first = evidence.each_first_steps(phi, name).T
     counts = np.array([len(t) for t in evidence.trajectories])
     unserved = (first == NEVER).sum(axis=0)
     first = np.where((first == NEVER) & (unserved == 1), counts, first)
@@ -307,7 +305,7 @@ def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | F
     """
     first = evidence.first_steps(one.lifted(evidence.types)) < evidence.first_steps(other.lifted(evidence.types))
     starts = evidence.states[evidence.starts]
-    names = (*free_vars(one.predicate), *free_vars(other.predicate)) if not (one.circular or other.circular) else ()
+    names = (*one.entities, *other.entities)
     tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
     if len(first) < np.log2(max(1, 2 * len(tests))):
         return Fail(f"too few demonstrations to tell why {one.name} sometimes comes before {other.name}")

@@ -138,17 +138,17 @@ class _Writer:
 
         Where the goal lies within the loop it is sought for the first entity alone.
         """
-        (entity,) = free_vars(node.predicate)
+        entity = node.role
         guard = predicate_synthesis(self.evidence, self.tree, node)
         if isinstance(guard, Fail):
             return guard
-        variable = self.variable(entity)
-        kind = self.evidence.types[entity]
+        names = {
+            name: self.variable(name) for name in dict.fromkeys((entity, *free_vars(node.predicate), *free_vars(guard)))
+        }
+        run = self.statement(node, {name: names[name] for name in free_vars(node.predicate)})
         del self.straight[entity]
-        get = Get(Var(variable), kind, rename(guard, {entity: variable}))
-        if self.done:
-            return seq(get, body)
-        return While(get, seq(body, self.statement(node, {entity: variable})))
+        get = Get(Var(names[entity]), self.evidence.types[entity], rename(guard, names))
+        return seq(get, body) if self.done else While(get, seq(body, run))
 
     def run(self, node: Node) -> tuple[Statement, ...]:
         """`π_φ[φ]`, line 18; nothing for ψ_R once it has a predecessor."""

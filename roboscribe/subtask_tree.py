@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import exist_quant, free_vars
-from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
+from roboscribe.dsl.rewrite import free_vars
+from roboscribe.dsl.syntax import Exists, Not, Predicate, Solved, Truth, Var
 from roboscribe.errors import Fail
 from roboscribe.world.layout import IntArray
 from roboscribe.world.trajectory import AGREEMENT
@@ -26,25 +26,34 @@ class Node:
         predicate: φ over named entities (b1); the entity stays free in circular nodes, see `lifted`.
         circular: whether the node marks a repetition (Sec. 4.2.2).
         scales: per term of φ, the spread that makes its margins comparable in the reward (Sec. 4.3.3).
+        over: of circular nodes, the entity whose place all of its type take; "" for the only one.
     """
 
     name: str
     predicate: Predicate
     circular: bool = False
     scales: Mapping[str, float] = field(default_factory=dict)
+    over: str = ""
+
+    @property
+    def role(self) -> str:
+        """The entity that φ is about, of circular nodes the one whose place all of its type take."""
+        return self.over or free_vars(self.predicate)[0]
 
     @property
     def entities(self) -> tuple[str, ...]:
-        """Entities(φ): named entities that occur free; none once the node is circular, for then φ is quantified."""
-        return () if self.circular else free_vars(self.predicate)
+        """Entities(φ): named entities that occur free; not that over which a circular node is quantified."""
+        named = free_vars(self.predicate)
+        return tuple(name for name in named if not (self.circular and name == self.role))
 
     def lifted(self, types: Mapping[str, str]) -> Predicate:
         """φ as it stands in the tree: existentially quantified in circular nodes."""
-        return exist_quant(self.predicate, types) if self.circular else self.predicate
+        return Exists(Var(self.role), types[self.role], self.predicate) if self.circular else self.predicate
 
     def completed(self, types: Mapping[str, str]) -> Predicate:
         """Return what holds when the program has dealt with the node: φ, in circular nodes of every entity."""
-        return Not(exist_quant(Not(self.predicate), types)) if self.circular else self.predicate
+        left = Not(self.predicate)
+        return Not(Exists(Var(self.role), types[self.role], left)) if self.circular else self.predicate
 
 
 @dataclass(frozen=True)
@@ -72,14 +81,19 @@ class Tree:
             yield node
             yield from self.below(node.name)
 
+    def above(self, name: str) -> Iterator[Node]:
+        """Yield a node and every node that it leads to, nearest first."""
+        yield self.node(name)
+        for node in self.successors(name):
+            yield from self.above(node.name)
+
     def loop_around(self, name: str) -> Node | None:
         """Return the circular node that `name` is, or that repeats `name` for each of its entities."""
         node = self.node(name)
         if node.circular:
             return node
         for loop in (n for n in self.nodes if n.circular):
-            mine = set(free_vars(loop.predicate)) & set(node.entities)
-            if mine and any(n.name == name for n in self.below(loop.name)):
+            if loop.role in node.entities and any(n.name == name for n in self.below(loop.name)):
                 return loop
         return None
 
@@ -128,7 +142,7 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
     """
     place = place or Place()
     loop = tree.loop_around(psi)
-    if loop is not None and free_vars(phi.predicate) and not shares(phi, loop):
+    if loop is not None and free_vars(phi.predicate) and loop.role not in free_vars(phi.predicate):
         return update_tree(tree, phi, tree.successors(loop.name)[0].name)
     nodes = (*tree.nodes, phi)
     if place.before:
@@ -138,7 +152,8 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
     kept = tuple(edge for edge in tree.edges if edge != (TRUE, psi))
     for old in tree.predecessors(psi):
         if _alike(old, phi) and not place.apart:
-            single = tuple(replace(n, circular=False) if n.name == old.name and phi.circular else n for n in nodes)
+            plain = replace(old, circular=False) if phi.circular else old
+            single = tuple(plain if n.name == old.name else n for n in nodes)
             rerouted = tuple((old.name, phi.name) if edge == (old.name, psi) else edge for edge in kept)
             return Tree(single, (*rerouted, (phi.name, psi)))
     return Tree(nodes, (*kept, (TRUE, phi.name), (phi.name, psi)))
@@ -147,12 +162,9 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
 def _alike(old: Node, phi: Node) -> bool:
     """Whether φ is about the entities of a predecessor; after a loop, what speaks of no entity by name is, too."""
     mine = set(free_vars(phi.predicate))
-    return mine == set(free_vars(old.predicate)) or (old.circular and not mine)
-
-
-def shares(one: Node, other: Node) -> bool:
-    """Whether two nodes are about a common entity."""
-    return bool(set(free_vars(one.predicate)) & set(free_vars(other.predicate)))
+    if phi.circular and old.circular:
+        return phi.role == old.role
+    return mine == set(free_vars(old.predicate)) or (old.circular and (not mine or old.role in mine))
 
 
 def validate(tree: Tree, first_steps: Callable[[Node, str], tuple[IntArray, IntArray]]) -> Fail | None:

@@ -114,12 +114,14 @@ def _node_to_json(node: Node) -> dict[str, Json]:
         "predicate": text(node.predicate),
         "circular": node.circular,
         "scales": dict(node.scales),
+        "over": node.over,
     }
 
 
 def _node_from_json(value: Mapping[str, Any]) -> Node:
     scales = {str(term): float(scale) for term, scale in value["scales"].items()}
-    return Node(str(value["name"]), parse_predicate(value["predicate"]), bool(value["circular"]), scales)
+    predicate, over = parse_predicate(value["predicate"]), str(value.get("over", ""))
+    return Node(str(value["name"]), predicate, bool(value["circular"]), scales, over)
 
 
 def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:

@@ -29,6 +29,8 @@ BIT_GAIN = 0.02
 """Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
 MOST_BITS = 6.0
 """Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
+LEAST_BITS = 1.0
+"""Bits below which a predicate says nothing: it does not even halve what is possible."""
 OFTEN = 0.1
 """Share of the crossings beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
@@ -69,6 +71,7 @@ class Samples:
         steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
         known: what the goal and the subgoals before it compare already, as `Feature.family`.
         goal_entities: entities that the goal mentions by name.
+        root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
     """
 
@@ -81,6 +84,7 @@ class Samples:
     steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
     known: frozenset[str] = frozenset()
     goal_entities: frozenset[str] = frozenset()
+    root: bool = True
     anchors: tuple[Anchor, ...] = ()
 
 
@@ -128,18 +132,24 @@ class Candidate:
 
     @property
     def separates(self) -> bool:
-        """Whether few enough negatives are accepted."""
-        return self.accepted <= TOLERANCE
+        """Whether few enough negatives are accepted, and not because it says nothing."""
+        return self.accepted <= TOLERANCE and self.bits >= LEAST_BITS
+
+    @property
+    def possible(self) -> bool:
+        """Whether it can be a subgoal: it separates, is brought about on the way and says something new."""
+        return self.separates and self.advances and not self.copy
 
     @property
     def explains(self) -> bool:
-        """Whether this is a step towards the goal: it separates, is brought about on the way and says something new."""
-        return self.separates and self.advances and self.relevant and not self.copy
+        """Whether this is a step towards the goal: a possible subgoal about the goal's entities."""
+        return self.possible and self.relevant
 
     @property
     def cost(self) -> float:
         """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says."""
-        price = self.first + ACCEPTED_COST * self.accepted + NODE_COST * self.size
+        lateness = 0.0 if self.each else self.first  # what a loop repeats is complete with the task
+        price = lateness + ACCEPTED_COST * self.accepted + NODE_COST * self.size
         return round(price - BIT_GAIN * self.bits, 3)
 
     @property
@@ -213,7 +223,8 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         first=float(np.median(first / np.maximum(1, lengths - 1))),
         copy=any(f.family in samples.known for f in it.features),
         relevant=samples.goal_entities <= names,
-        advances=_advances(first, lengths, samples.steps.get(names, ())),
+        advances=_advances(first, lengths, samples.steps.get(names, ()))
+        and (samples.root or bool(np.median(lengths - 1 - first) > 0)),
         margin=it.margin,
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),

@@ -33,7 +33,7 @@ def learned(seed: int = 0) -> Plan:
     ppo = PpoConfig(worlds=8, steps=20, epochs=1, minibatches=2, critic_iterations=1, evaluate_every=1)
     training = TrainConfig(budget=1200, opaque_budget=1200, pool=PoolConfig(starts=16, evaluation=16), ppo=ppo)
     return Plan(
-        TASK, seed, limits=Limits(success=0.0, task=0.0), training=training, shown=10, tried=5, episodes=5, video=False
+        TASK, seed, limits=Limits(success=0.0), training=training, shown=10, tried=5, episodes=5, video=False
     )
 
 
