@@ -217,4 +217,4 @@ def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evid
             else rename(feature.term, {feature.over[0].name: role[feature.over[1]]})
         )
 
-    return frozenset(f.family for f in features if plain(f) in terms)
+    return frozenset(f.family for f in features if f.term in terms or plain(f) in terms)

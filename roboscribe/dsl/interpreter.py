@@ -13,8 +13,8 @@ from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.rewrite import controllers as runs_of
 from roboscribe.dsl.rewrite import run_variables
 from roboscribe.dsl.rollouts import Episode, Rollouts, Tape, gather
-from roboscribe.dsl.semantics import SolvedTest
-from roboscribe.dsl.syntax import Program
+from roboscribe.dsl.semantics import SolvedTest, holds
+from roboscribe.dsl.syntax import Program, Run
 from roboscribe.errors import ProgramError
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
 from roboscribe.world.protocols import Task, World
@@ -233,10 +233,11 @@ def segment(
 
 
 def explains(program: Program, trajectories: Sequence[Trajectory], solved: SolvedTest) -> BoolArray:
-    """Tell which demonstrations a program explains: each reaches what it asks for, in its order.
+    """Tell which demonstrations a program explains: each brings about whatever the program asks for.
 
-    The program is advanced along the demonstrated states. It explains a demonstration in which it comes to its end, or
-    to its last controller, for the last entity of a loop, where the demonstration ends as soon as the task is solved.
+    The program is advanced along the demonstrated states. What it waits for in vain counts where it was reached
+    earlier, for parts that may be done in any order are written in one; and so does what is left to do for one entity
+    where a demonstration ends as soon as the task is solved.
 
     Args:
         program: what to advance.
@@ -252,14 +253,27 @@ def explains(program: Program, trajectories: Sequence[Trajectory], solved: Solve
     for frame in range(lengths.max()):
         rows = np.flatnonzero(lengths > frame)
         machine.advance(rows, np.stack([trajectories[row].states[frame] for row in rows]))
-    ended: BoolArray = machine.ended & ~machine.stuck
-    rows = np.flatnonzero(~machine.ended)
-    last, served = machine.run_index.copy(), machine.served.copy()
-    machine.skip(rows)
-    machine.advance(
-        rows, np.stack([trajectories[row].states[-1] for row in rows] or [np.empty(layout.size)])[: len(rows)]
-    )
-    again = (machine.served == served) & (served != NULL) & (machine.run_index <= last)
-    solved_at_last = np.array([bool(solved(t.states).any()) for t in trajectories])
-    explained: BoolArray = ended | (solved_at_last & ~machine.stuck & (machine.ended | again))
-    return explained
+    runs = runs_of(program)
+    return np.array([_closes(machine, row, runs, t, solved) for row, t in enumerate(trajectories)], dtype=np.bool_)
+
+
+def _closes(machine: Machine, row: int, runs: Sequence[Run], shown: Trajectory, solved: SolvedTest) -> bool:
+    """Tell whether a demonstration leaves nothing to do but what it did before, or what it ends with."""
+    rows, last = np.array([row]), shown.states[-1:]
+    unfinished: int | None = None
+    for _ in range(len(runs) * (1 + len(shown.layout.entities))):
+        if machine.ended[row]:
+            return not machine.stuck[row]
+        run, served = runs[int(machine.run_index[row])], int(machine.served[row])
+        names = run_variables(run)
+        binding = dict(zip(names, machine.entities(rows)[0, : len(names)].tolist(), strict=True))
+        if not holds(run.until, shown.states, binding, shown.layout, solved).any():
+            if not solved(last)[0] or unfinished not in (None, served):
+                return False
+            again = unfinished == served != NULL and run is runs[-1]
+            unfinished = served
+            if again:
+                return True
+        machine.skip(rows)
+        machine.advance(rows, last)
+    return unfinished is not None

@@ -32,6 +32,8 @@ NO_WORSE = 0.1
 SLACK = 0.25
 """How far a threshold lies beyond the positives, in ranges of the positives: a sample's extreme is not the
 population's, and a predicate must also fit the entities and episodes to come."""
+UNSEEN = 3.0
+"""The rule of three: with 95 % confidence at most 3 / n of a population lie beyond the extreme of n samples."""
 FEW = 0.02
 """Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
 LEAST_SLACK = 0.001
@@ -176,7 +178,7 @@ def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | 
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
-    slack = max(SLACK * (extreme - float(pos.min())), LEAST_SLACK * spread)
+    slack = max(max(SLACK, UNSEEN / len(pos)) * (extreme - float(pos.min())), LEAST_SLACK * spread)
     for values in (neg, pos if before is None else before):
         near = values[values > extreme]
         if near.size and np.mean((values > extreme) & (values < extreme + slack)) > FEW:
