@@ -31,13 +31,26 @@ class Search(Generic[Skills]):
     limits: Limits
     best: Solution[Skills] | None = None
     trained: int = 0
+    since: int = 0
     open: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=lambda: [(0, 0, ())])
     done: dict[tuple[object, ...], object] = field(default_factory=dict)
 
     def lines(self) -> Iterator[tuple[int, ...]]:
-        """Yield the choices of one line after the other, best first, while the budget lasts."""
-        while self.open and self.trained < self.limits.programs:
+        """Yield the choices of one line after the other, best first, until a program is good or the budget is spent."""
+        while self.open and self.trained < self.limits.programs and not self.satisfied:
             yield heappop(self.open)[-1]
+
+    @property
+    def satisfied(self) -> bool:
+        """Whether the best program is good enough, or as good as can be told and nothing better was found lately."""
+        if self.best is None or not self.limits.met(self.best.outcome):
+            return False
+        return self.best.rate >= self.limits.success or self.trained >= self.since + self.limits.patience
+
+    def keep(self, found: Solution[Skills]) -> None:
+        """Remember a solution if it is better than the best so far."""
+        if self.best is None or found.rate > self.best.rate:
+            self.best, self.since = found, self.trained
 
     def following(self, choices: tuple[int, ...]) -> Line[Skills]:
         """Prepare one line."""
@@ -56,6 +69,7 @@ class Line(Generic[Skills]):
     choices: tuple[int, ...]
     taken: tuple[int, ...] = ()
     calls: int = 0
+    refinements: list[Refinement] = field(default_factory=list)
 
     @property
     def limits(self) -> Limits:
@@ -77,9 +91,8 @@ class Line(Generic[Skills]):
         search.trained += 1
         skills = steps.train(program, psi, tree, skills)
         outcome = steps.roll_out(program, psi, skills)
-        best = search.best
-        if psi == ROOT and len(tree.nodes) > 2 and outcome.rate > (0.0 if best is None else best.rate):
-            search.best = Solution(program, tree, skills, outcome)
+        if psi == ROOT and len(tree.nodes) > 2 and outcome.successes:
+            search.keep(Solution(program, tree, skills, outcome, tuple(self.refinements)))
         return skills, outcome
 
     def goes_on(self) -> bool:
@@ -93,7 +106,10 @@ class Line(Generic[Skills]):
             return options
         rank = self._choose()
         refined = self._once(lambda: self._refined(options, rank))
-        return refined if isinstance(refined, Fail) else (refined.refinement, refined.tree)
+        if isinstance(refined, Fail):
+            return refined
+        self.refinements.append(refined.refinement)
+        return refined.refinement, refined.tree
 
     def _refined(self, options: _Options[Skills], rank: int) -> Refined | Fail:
         refined = options.at(rank)

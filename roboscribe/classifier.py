@@ -75,11 +75,14 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
         return Fail(f"no demonstration reaches {psi}, so there is nothing to compare failures with")
     negatives = _comparable(negatives[:: len(negatives) // MOST_NEGATIVES + 1], evidence, tree, psi)
     features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
-    samples = _samples(crossings, negatives, evidence, tree, psi, features)
-    table = rank_predicates(features, samples, list(_recurring(samples, evidence, tree, psi)))
-    if not any(c.possible for c in table):
-        table = (*learn_decision_tree(features, samples), *table)
-    table = tuple(c for c in table if c.possible)
+    found: list[Candidate] = []
+    for view, mine in _views(crossings, features, evidence, tree, psi):
+        samples = _samples(view, negatives, evidence, tree, psi, features)
+        recurring = [] if found else list(_recurring(samples, evidence, tree, psi))
+        found += rank_predicates(mine, samples, recurring)
+    if not any(c.possible for c in found):
+        found += learn_decision_tree(features, _samples(crossings, negatives, evidence, tree, psi, features))
+    table = tuple(sorted((c for c in found if c.possible), key=lambda c: c.rank))
     if not table:
         return Fail(
             f"no predicate of the declared attributes holds in the {len(crossings.starts)} demonstrated states before "
@@ -87,6 +90,39 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
             f"the demonstrations show several ways"
         )
     return alternative(Refinement(psi, tree.node(psi), table, len(crossings.starts), len(negatives)), 0, evidence, tree)
+
+
+def _views(
+    crossings: Crossings, features: Sequence[Feature], evidence: Evidence, tree: Tree, psi: str
+) -> Iterator[tuple[Crossings, list[Feature]]]:
+    """Say on which part of the demonstrations each feature is to be judged.
+
+    Within a loop, what is not about the entity that it serves is brought about once, before or while the first one is
+    served. After a loop, what speaks of no entity by name is brought about by leaving, so it is judged from there.
+    """
+    loop = tree.loop_around(psi)
+    once = [f for f in features if loop is not None and free_vars(f.term) and _named(f) and loop.role not in _named(f)]
+    done = [
+        crossings.first_steps(n.completed(evidence.types), evidence.layout, evidence.solved)
+        for n in tree.predecessors(psi)
+        if n.circular and psi == ROOT
+    ]
+    late = evidence.cut(crossings, np.max(done, axis=0)) if done else crossings
+    left = (
+        [f for f in features if not _named(f)] if done and len(late.starts) >= AGREEMENT * len(crossings.starts) else []
+    )
+    yield crossings, [f for f in features if f not in once and f not in left]
+    if once:
+        first = np.array([0 if p.begin == 0 else len(crossings.frames) for p in crossings.passages], dtype=np.int64)
+        yield evidence.cut(crossings, first), once
+    if left:
+        yield late, left
+
+
+def _named(feature: Feature) -> set[str]:
+    """Entities that a feature mentions by name."""
+    bound = set() if feature.over is None else {feature.over[0].name}
+    return set(free_vars(feature.term)) - bound
 
 
 def alternative(refinement: Refinement, rank: int, evidence: Evidence, tree: Tree) -> Refinement:

@@ -8,11 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import rename
+from roboscribe.dsl.rewrite import free_vars, rename
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Solved
 from roboscribe.dsl.types import named_entities
-from roboscribe.subtask_tree import Node, Tree
+from roboscribe.subtask_tree import ROOT, Node, Tree
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.naming import by_displacement
 from roboscribe.world.trajectory import NEVER, Trajectory, first_true
@@ -151,7 +151,10 @@ class Evidence:
         same = tuple(range(len(self.layout.entities)))
         loop = tree.loop_around(name)
         if loop is None:
-            return tuple(Passage(d, 0, len(t), same) for d, t in enumerate(self.trajectories))
+            begins = self._after_loops(tree, name)
+            return tuple(
+                Passage(d, int(b), len(t), same) for d, (b, t) in enumerate(zip(begins, self.trajectories, strict=True))
+            )
         role, members = self.layout.names.index(loop.role), self.layout.of_type(self.types[loop.role])
         found = []
         for d, first in enumerate(self.each_first_steps(loop.predicate, loop.role)):
@@ -162,6 +165,19 @@ class Evidence:
                     found.append(Passage(d, begin, int(first[rank]) + 1, order))
                     begin = int(first[rank])
         return tuple(found)
+
+    def _after_loops(self, tree: Tree, name: str) -> IntArray:
+        """Step at which each demonstration turns to a node, (D,): where the loops before it are over if it names nobody.
+
+        What is said of no entity by name may be true by chance while a loop is under way.
+        """
+        begins = np.zeros(len(self.trajectories), dtype=np.int64)
+        if name == ROOT or free_vars(tree.node(name).predicate):
+            return begins
+        for node in (n for n in tree.predecessors(name) if n.circular):
+            over = self.first_steps(node.completed(self.types))
+            begins = np.maximum(begins, np.where(over == NEVER, 0, over))
+        return begins
 
     def crossings(self, tree: Tree, name: str) -> Crossings:
         """Return where the demonstrations go from not ψ to ψ; entities that satisfy ψ at takeover show nothing.
@@ -182,6 +198,14 @@ class Evidence:
         starts = np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64) if parts else np.empty(0, np.int64)
         frames = np.concatenate(parts) if parts else np.empty((0, self.layout.size))
         return Crossings(frames, starts, tuple(kept))
+
+    def cut(self, crossings: Crossings, begins: IntArray) -> Crossings:
+        """Return crossings from later on: `begins` (C,) counts from takeover; those that are over by then are left out."""
+        kept = np.flatnonzero(begins < crossings.lengths - 1)
+        parts = [crossings.frames[crossings.starts[c] :][begins[c] : crossings.lengths[c]] for c in kept]
+        lengths = np.array([len(part) for part in parts], dtype=np.int64)
+        frames = np.concatenate(parts) if parts else crossings.frames[:0]
+        return Crossings(frames, np.cumsum(lengths) - lengths, tuple(crossings.passages[c] for c in kept))
 
     def states_of(self, passage: Passage) -> FloatArray:
         """Return the frames of a passage (T, F), under its names."""

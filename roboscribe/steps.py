@@ -200,11 +200,13 @@ class Limits:
     Args:
         success: 1 − ε, the success rate that is wanted.
         programs: most programs that are trained.
+        patience: programs that may be trained without a better one, once one cannot be told apart from what is wanted.
         refinements: most refinements of one line (Sec. 4.4 bounds them; this bounds them tighter).
     """
 
     success: float = 0.97
     programs: int = 40
+    patience: int = 8
     refinements: int = 20
 
     def met(self, outcome: Outcome) -> bool:

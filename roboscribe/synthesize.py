@@ -38,11 +38,9 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
         if isinstance(found, Fail):
             reasons.append(found.reason)
             steps.tell(Abandoned(found.reason))
-        elif limits.met(found.outcome):
-            return shortest(found, steps, limits)
-    if search.best is not None:
-        return shortest(search.best, steps, limits)
-    return Fail(reasons[0])
+        else:
+            search.keep(found)
+    return Fail(reasons[0]) if search.best is None else shortest(search.best, steps, limits)
 
 
 def synthesize(
@@ -80,7 +78,8 @@ def synthesize(
         return tried
     skills, outcome = tried
     solution = Solution(program, tree, skills, outcome)
-    if line.limits.met(outcome) or (psi != ROOT and outcome.rate >= 0.5 and line.goes_on()):
+    likely = line.limits.met(outcome) if psi == ROOT else outcome.rate >= 0.5
+    if outcome.rate >= line.limits.success or (likely and line.goes_on()):
         return solution
     failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
     refined = line.refine(failures, tree, psi)

@@ -109,7 +109,7 @@ class Candidate:
         size: nodes of φ.
         family: objects and attributes that φ compares.
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
-            what must hold in addition to a predecessor; 2 for anything else. Without predecessors 0.
+            what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
     """
 
@@ -231,14 +231,8 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         bits=it.bits,
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
-        standing=_standing(it, samples),
+        standing=int(bool(samples.anchors) and any(uses_robot(f.term) for f in it.features)),
     )
-
-
-def _standing(it: Judged, samples: Samples) -> int:
-    if it.anchor is not None:
-        return 1
-    return 2 * (bool(samples.anchors) and any(uses_robot(f.term) for f in it.features))
 
 
 def _advances(first: IntArray, lengths: IntArray, others: Sequence[IntArray]) -> bool:

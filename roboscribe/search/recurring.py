@@ -130,7 +130,7 @@ def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     The one that was served last is still being served when a demonstration ends at once, so it may be further off.
     """
     since = np.stack([_last_false(row < threshold, pairs) for row in values])
-    settled: BoolArray = since < since.max(axis=0)
+    settled: BoolArray = (since >= 0) & (since < since.max(axis=0))
     return settled
 
 

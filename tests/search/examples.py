@@ -19,6 +19,11 @@ LAYOUT = Layout(
 FEATURES: tuple[Feature, ...] = enumerate_features(LAYOUT, ["b1"])
 
 
+def feature(text: str) -> Feature:
+    """Find a feature by the text of its expression."""
+    return next(f for f in FEATURES if str(f.term) == text)
+
+
 def random_states(rng: np.random.Generator, count: int) -> FloatArray:
     """Draw states (count, F) whose numbers are uniform in [0, 1]."""
     return rng.uniform(0.0, 1.0, (count, LAYOUT.size))
@@ -40,12 +45,19 @@ def samples(
     positives: FloatArray,
     negatives: FloatArray,
     *,
-    after: dict[frozenset[str], IntArray] | None = None,
+    reached: FloatArray | None = None,
+    steps: dict[frozenset[str], tuple[IntArray, ...]] | None = None,
     anchors: tuple[Anchor, ...] = (),
     episodes: tuple[FloatArray, ...] = (),
 ) -> Samples:
-    """Build samples; without `episodes` every demonstration is ten failing states, then a positive one."""
+    """Build samples of one goal that is ψ_R; it is reached in `reached`, without them where `positives` show it, too.
+
+    Without `episodes` every demonstration is ten failing states, then a positive one.
+    """
     if not episodes:
         episodes = tuple(np.vstack([negatives[10 * i : 10 * i + 10], positives[i : i + 1]]) for i in range(20))
     starts = np.concatenate([[0], np.cumsum([len(e) for e in episodes])[:-1]]).astype(np.int64)
-    return Samples(LAYOUT, positives, negatives, np.concatenate(episodes), starts, after or {}, anchors=anchors)
+    reached = positives if reached is None else reached
+    return Samples(
+        LAYOUT, positives, reached, negatives, np.concatenate(episodes), starts, steps or {}, anchors=anchors
+    )

@@ -9,8 +9,10 @@ import pytest
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
-from roboscribe.search.candidates import Anchor, Candidate, Judged, first_true, judge
-from tests.search.examples import FEATURES, random_states, samples
+from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, judge
+from roboscribe.world.layout import BoolArray
+from roboscribe.world.trajectory import NEVER, first_true
+from tests.search.examples import feature, random_states, samples
 
 BASE = Candidate(
     predicate=Truth(),
@@ -24,8 +26,7 @@ BASE = Candidate(
     margin=0.1,
     scales=(),
     entities=1,
-    detail=1,
-    own_goal=False,
+    bits=3.0,
     size=5,
     family="",
 )
@@ -36,6 +37,7 @@ BASE = Candidate(
     [
         {"advances": False},
         {"accepted": 0.5},
+        {"bits": 0.5},
         {"copy": True},
         {"relevant": False},
         {"kept": 0.3},
@@ -46,7 +48,7 @@ BASE = Candidate(
         {"accepted": 0.05},
         {"first": 0.8},
         {"size": 9},
-        {"detail": 0},
+        {"bits": 2.0},
         {"margin": 0.01},
     ],
     ids=str,
@@ -62,44 +64,97 @@ def test_the_order_of_preference_is_lexicographic() -> None:
     assert replace(BASE, standing=2, initial=0.2).rank < replace(BASE, kept=0.4).rank
 
 
+def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete() -> None:
+    loop = replace(BASE, each=True, first=1.0, standing=2, initial=0.2)
+    assert loop.rank < BASE.rank
+    assert BASE.rank < replace(loop, entities=2).rank
+
+
 def test_what_separates_explains_only_if_it_is_a_new_step_about_the_goals_entities() -> None:
     assert BASE.explains
-    for change in ({"accepted": 0.21}, {"advances": False}, {"copy": True}, {"relevant": False}):
+    for change in ({"accepted": 0.21}, {"bits": 0.9}, {"advances": False}, {"copy": True}):
+        assert not replace(BASE, **change).possible
         assert not replace(BASE, **change).explains
+    elsewhere = replace(BASE, relevant=False)
+    assert elsewhere.possible, "another kind of object may have to be dealt with first"
+    assert not elsewhere.explains
 
 
 def test_first_true_counts_from_each_episodes_start() -> None:
     truth = np.array([0, 1, 1, 0, 0, 0, 1], dtype=np.bool_)
     starts = np.array([0, 3, 6])
-    assert first_true(truth, starts).tolist() == [1, 3, 0]
+    assert first_true(truth, starts).tolist() == [1, NEVER, 0]
+
+
+def three_demonstrations(*others: tuple[int, int, int]) -> Samples:
+    """Three demonstrations of four frames; each of `others` says when a subgoal that is there first holds in each."""
+    states = random_states(np.random.default_rng(0), 12)
+    steps = {frozenset(["b1"]): tuple(np.array(other) for other in others)}
+    return samples(states[:3], states[:4], steps=steps, episodes=(states[:4], states[4:8], states[8:]))
+
+
+def judged(on_frames: str, given: Samples) -> Candidate:
+    """Judge a predicate about b1 by where it holds, 1 for yes; of four negatives it holds on one."""
+    frames: BoolArray = np.array([mark == "1" for mark in on_frames.replace(" ", "")])
+    negatives = np.array([1, 0, 0, 0], dtype=np.bool_)
+    return judge(Judged(parse_predicate("b1↓p < 0.5"), (feature("b1↓p"),), negatives, frames, 0.2, (), 2.0), given)
 
 
 def test_figures_of_three_demonstrations_by_hand() -> None:
-    states = random_states(np.random.default_rng(0), 12)
-    given = replace(
-        samples(states[:3], states[:4], episodes=(states[:4], states[4:8], states[8:])),
-        after={frozenset(["b1"]): np.array([0, 0, 0])},
-    )
-    on_frames = np.array([0, 1, 1, 1, 0, 0, 1, 0, 1, 1, 1, 1], dtype=np.bool_)
-    on_negatives = np.array([1, 0, 0, 0], dtype=np.bool_)
-    feature = next(f for f in FEATURES if str(f.term) == "b1↓p")
-    found = judge(Judged(parse_predicate("b1↓p < 0.5"), (feature,), on_negatives, on_frames, 0.2, ()), given)
+    found = judged("0111 0010 1111", three_demonstrations())
     assert found.accepted == 0.25
     assert found.initial == pytest.approx(1 / 3)
     assert found.kept == pytest.approx((3 + 1 + 4) / (3 + 2 + 4))
     assert found.first == pytest.approx(1 / 3)
-    assert not found.advances, "a third begins with it"
     assert found.relevant
-    assert found.standing == 0
+    assert (found.standing, found.bits, found.each) == (0, 2.0, False)
 
 
-@pytest.mark.parametrize(("anchor", "own_goal", "standing"), [(True, False, 1), (False, False, 2)])
-def test_with_predecessors_an_addition_stands_before_a_newcomer(anchor: bool, own_goal: bool, standing: int) -> None:
+@pytest.mark.parametrize(
+    ("on_frames", "advances"),
+    [
+        ("0111 0010 1111", True),  # one that begins with it has no say
+        ("0111 1111 1111", False),  # most begin with it
+        ("0111 0010 0000", False),  # one never reaches it
+    ],
+)
+def test_a_step_is_brought_about_in_every_demonstration_that_lacks_it(on_frames: str, advances: bool) -> None:
+    assert judged(on_frames, three_demonstrations()).advances == advances
+
+
+@pytest.mark.parametrize(
+    ("other", "advances"),
+    [
+        ((0, 0, 0), True),  # always after
+        ((3, 3, 3), True),  # always before
+        ((0, 3, 3), False),  # now after, now before
+        ((0, 2, 3), True),  # after, or in the same frame; the third begins with it and has no say
+    ],
+)
+def test_a_step_lies_on_one_side_of_each_subgoal_that_is_there(other: tuple[int, int, int], advances: bool) -> None:
+    assert judged("0111 0010 1111", three_demonstrations(other)).advances == advances
+
+
+def test_only_the_goal_of_the_task_may_be_nothing_but_its_last_step() -> None:
+    root = three_demonstrations()
+    assert judged("0001 0001 0001", root).advances
+    assert not judged("0001 0001 0001", replace(root, root=False)).advances
+    assert judged("0011 0001 0011", replace(root, root=False)).advances
+
+
+@pytest.mark.parametrize(
+    ("text", "anchored", "standing"),
+    [("b1↓p", True, 1), ("μ↓opening", True, 1), ("b1↓p", False, 0), ("μ↓opening", False, 2)],
+)
+def test_after_a_predecessor_the_world_stands_before_an_addition_and_that_before_the_robot(
+    text: str, anchored: bool, standing: int
+) -> None:
     states = random_states(np.random.default_rng(0), 12)
     held = Anchor(parse_predicate("b1↓q < 0.5"), {})
     given = samples(states[:3], states[:4], anchors=(held,), episodes=(states,))
     truth = np.ones(12, dtype=np.bool_)
-    feature = next(f for f in FEATURES if str(f.term) == "b1↓p")
-    assert feature.own_goal == own_goal
-    it = Judged(parse_predicate("b1↓p < 0.5"), (feature,), truth[:4], truth, 0.2, (), held if anchor else None)
+    it = Judged(
+        parse_predicate(f"{text} < 0.5"), (feature(text),), truth[:4], truth, 0.2, (), anchor=held if anchored else None
+    )
     assert judge(it, given).standing == standing
+    assert judge(replace(it, anchor=None), replace(given, anchors=())).standing == 0

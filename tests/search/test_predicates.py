@@ -11,7 +11,7 @@ from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import conjuncts, walk
 from roboscribe.dsl.syntax import And, Const, Proj
 from roboscribe.search.candidates import Anchor
-from roboscribe.search.predicates import Candidate, rank_predicates
+from roboscribe.search.predicates import Candidate, bound, rank_predicates
 from tests.search.examples import FEATURES, GAUGES, planted, random_states, samples, truth_of
 
 
@@ -62,40 +62,55 @@ def test_nothing_is_offered_where_nothing_differs() -> None:
     assert rank_predicates(FEATURES, samples(states, states[:10], episodes=(states,))) == ()
 
 
-def two_stages(rng: np.random.Generator, *, accidents: bool) -> tuple[np.ndarray, ...]:
-    """Draw demonstrations in which first p < 0.1 comes true and stays so, then q < 0.1.
+P, OPENING, Q = 1, 0, 2
+"""Columns of the states."""
 
-    By accident q < 0.1 holds in some frame before p < 0.1 does.
+
+def two_stages(rng: np.random.Generator, column: int, accidents: int = 0) -> tuple[np.ndarray, ...]:
+    """Draw 20 demonstrations in which first p < 0.1 comes true and stays so, then the number in `column` < 0.1.
+
+    In the first `accidents` of them the latter holds in a frame before p < 0.1 does, too.
     """
     episodes = []
-    for _ in range(20):
+    for i in range(20):
         states = rng.uniform(0.2, 1.0, (30, 5))
-        states[10:, 1] = rng.uniform(0.0, 0.1, 20)
-        states[20:, 2] = rng.uniform(0.0, 0.1, 10)
-        if accidents:
-            states[4, 2] = 0.05
+        states[10:, P] = rng.uniform(0.0, 0.1, 20)
+        states[20:, column] = rng.uniform(0.0, 0.1, 10)
+        if i < accidents:
+            states[4, column] = 0.05
         episodes.append(states)
     return tuple(episodes)
 
 
-@pytest.mark.parametrize("accidents", [False, True])
-def test_a_step_after_a_predecessor_asks_for_the_predecessor_too(accidents: bool) -> None:
+FIRST = parse_predicate("b1↓p < 0.11")
+
+
+def after_p(column: int, accidents: int = 0) -> tuple[Candidate, ...]:
+    """Rank what failures lack that reach p < 0.1 and nothing else."""
     rng = np.random.default_rng(5)
-    episodes = two_stages(rng, accidents=accidents)
-    positives = np.stack([e[-1] for e in episodes])
+    episodes = two_stages(rng, column, accidents)
     failures = rng.uniform(0.2, 1.0, (500, 5))
-    failures[:, 1] = rng.uniform(0.0, 0.1, 500)
-    first = parse_predicate("b1↓p < 0.11")
+    failures[:, P] = rng.uniform(0.0, 0.1, 500)
     given = samples(
-        positives,
+        np.stack([e[-1] for e in episodes]),
         failures,
-        after={frozenset(["b1"]): np.full(20, 10)},
-        anchors=(Anchor(first, {"b1↓p": 0.3}),),
+        steps={frozenset(["b1"]): (np.full(20, 10),)},
+        anchors=(Anchor(FIRST, {"b1↓p": 0.3}),),
         episodes=episodes,
     )
-    best = rank_predicates(FEATURES, given)[0]
+    return rank_predicates(FEATURES, given)
+
+
+def test_what_comes_about_in_the_world_after_a_predecessor_is_a_step_of_its_own() -> None:
+    best = after_p(Q)[0]
+    assert gauges(best) == {"q"}
+    assert best.advances
+
+
+def test_what_others_undo_is_asked_for_in_addition_to_the_predecessor() -> None:
+    best = after_p(Q, accidents=20)[0]
     assert isinstance(best.predicate, And)
-    assert best.predicate.left == first
+    assert best.predicate.left == FIRST
     assert gauges(best) == {"p", "q"}
     assert best.advances
     assert dict(best.scales)["b1↓p"] == 0.3
@@ -103,20 +118,43 @@ def test_a_step_after_a_predecessor_asks_for_the_predecessor_too(accidents: bool
 
 
 def test_an_accident_before_the_predecessor_is_no_advance_for_the_atom_alone() -> None:
-    rng = np.random.default_rng(6)
-    episodes = two_stages(rng, accidents=True)
-    positives, failures = np.stack([e[-1] for e in episodes]), rng.uniform(0.2, 1.0, (500, 5))
-    given = samples(positives, failures, after={frozenset(["b1"]): np.full(20, 10)}, episodes=episodes)
-    alone = next(c for c in rank_predicates(FEATURES, given) if gauges(c) == {"q"} and c.accepted == 0.0)
+    alone = next(c for c in after_p(Q, accidents=10) if gauges(c) == {"q"})
     assert not alone.advances
+    assert gauges(after_p(Q, accidents=10)[0]) == {"p", "q"}
 
 
 def test_a_weaker_copy_of_the_goal_explains_nothing() -> None:
     positives, negatives = planted(parse_predicate("b1↓p < 0.1"), np.random.default_rng(7))
     copied = next(f.family for f in FEATURES if str(f.term) == "b1↓p")
-    given = replace(samples(positives, negatives), goal_families=frozenset([copied]))
+    given = replace(samples(positives, negatives), known=frozenset([copied]))
     for candidate in rank_predicates(FEATURES, given):
         if gauges(candidate) == {"p"}:
             assert candidate.copy
             assert not candidate.explains
     assert set(GAUGES) > {"p"}
+
+
+@pytest.mark.parametrize("sharp_before", [False, True])
+def test_a_threshold_is_measured_where_it_is_sharper(sharp_before: bool) -> None:
+    """What is passed on the way to the goal shows right before it, what the goal asks for shows in it."""
+    rng = np.random.default_rng(8)
+    negatives = random_states(rng, 2000)
+    loose, sharp = random_states(rng, 100), random_states(rng, 100)
+    loose[:, P], sharp[:, P] = rng.uniform(0.3, 0.5, 100), rng.uniform(0.0, 0.05, 100)
+    before, reached = (sharp, loose) if sharp_before else (loose, sharp)
+    episodes = tuple(np.vstack([negatives[20 * i : 20 * i + 10], loose[i], sharp[i]]) for i in range(20))
+    best = rank_predicates(FEATURES, samples(before, negatives, reached=reached, episodes=episodes))[0]
+    (const,) = [n.value for n in walk(best.predicate) if isinstance(n, Const)]
+    assert gauges(best) == {"p"}
+    assert 0.05 <= const < 0.07
+
+
+def test_a_threshold_leaves_room_for_what_was_not_seen_but_not_for_failures() -> None:
+    seen = np.linspace(0.0, 1.0, 20)
+    assert bound(seen, np.full(100, 10.0), 1.0) == (1.25, 9.0)
+    few = np.linspace(0.0, 1.0, 4)
+    assert bound(few, np.full(100, 10.0), 1.0) == (1.75, 9.0), "of four samples up to three quarters lie beyond"
+    close = np.full(100, 1.1)
+    threshold, gap = bound(seen, close, 1.0)
+    assert gap == pytest.approx(0.1)
+    assert threshold == pytest.approx(1.05), "half-way to the next failure"
