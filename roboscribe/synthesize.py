@@ -119,7 +119,7 @@ def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> S
         if count < AGREEMENT * shown:
             continue
         outcome = check(program, ROOT, found.skills)
-        if not found.outcome.beats(outcome) and (limits.met(outcome) or outcome.rate >= found.rate):
+        if outcome.rate >= min(limits.success, found.rate):
             steps.tell(Removed(node.name, outcome.rate))
             found = replace(found, program=program, tree=tree, removed=(*found.removed, node.name))
     return found

@@ -41,25 +41,57 @@ def state(layout: Layout, hand: FloatArray, places: FloatArray, goals: FloatArra
     return row
 
 
+Choice = Callable[[FloatArray, FloatArray, FloatArray, list[int]], int]
+"""From hand (2,), places (N, 2), goals (N, 2) and the entities that are left to the one to take next."""
+
+
+def legs(
+    layout: Layout, hand: FloatArray, places: FloatArray, goals: FloatArray, choose: Choice, steps: int = 12
+) -> FloatArray:
+    """Draw the states (T, F) of a hand that takes one object after the other to its goal, `steps` frames a leg.
+
+    Objects that lie at their goals are left there.
+    """
+    places, rows = places.copy(), [state(layout, hand, places, goals)]
+    left = [i for i in range(len(goals)) if not np.array_equal(places[i], goals[i])]
+    while left:
+        i = choose(hand, places, goals, left)
+        if i < 0:
+            break
+        left.remove(i)
+        for ends, held in (((hand, places[i].copy()), False), ((places[i].copy(), goals[i]), True)):
+            for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
+                hand = ends[0] + part * (ends[1] - ends[0])
+                places[i] = hand if held else places[i]
+                rows.append(state(layout, hand, places, goals))
+    return np.stack(rows)
+
+
 def carry(
-    task: PointTask, rng: np.random.Generator, order: Order, steps: int = 12, levels: Sequence[int] | None = None
+    task: PointTask,
+    rng: np.random.Generator,
+    order: Order,
+    steps: int = 12,
+    levels: Sequence[int] | None = None,
+    *,
+    placed: Sequence[int] = (),
 ) -> Trajectory:
     """Draw one demonstration: objects start left, goals lie right, a stack unless `levels` says otherwise.
 
-    There are `steps` frames a leg.
+    There are `steps` frames a leg; the objects `placed` lie at their goals from the start.
     """
     count = len(task.kinds)
     hand, places = rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, 1.0, (count, 2))
     goals = np.array([1.5, 0.0]) + np.outer(rng.permutation(levels or range(count)), [0.0, 0.2])
     goals[:, 0] += 0.2 * np.arange(count) if levels else 0.0
-    rows = [state(task.layout, hand, places, goals)]
-    for i in order(goals):
-        for ends, held in (((hand, places[i].copy()), False), ((places[i].copy(), goals[i]), True)):
-            for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
-                hand = ends[0] + part * (ends[1] - ends[0])
-                places[i] = hand if held else places[i]
-                rows.append(state(task.layout, hand, places, goals))
-    return Trajectory(task.layout, np.stack(rows))
+    for i in placed:
+        places[i] = goals[i]
+    queue = list(order(goals))
+
+    def next_in_line(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
+        return next((i for i in queue if i in left), -1)
+
+    return Trajectory(task.layout, legs(task.layout, hand, places, goals, next_in_line, steps))
 
 
 def evidence(

@@ -148,7 +148,7 @@ def _atom(
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
     width = threshold if isinstance(feature.term, Norm) and sign > 0 else threshold - float(pos.min())
-    said = bits(width, np.concatenate([neg, frames]), feature.detail)
+    said = bits(width, np.concatenate([pos, neg, frames]), feature.detail)
     return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread, said)
 
 
@@ -160,10 +160,8 @@ def bits(width: float, values: FloatArray, numbers: int) -> float:
         values: (S,) what the quantity is otherwise.
         numbers: how many numbers the quantity sums up; a ball's volume falls with their count.
     """
-    usual = float(np.subtract(*np.quantile(values, (0.95, 0.05))))
-    if usual <= 0.0:
-        return 0.0
-    return float(numbers * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
+    usual = float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
+    return 0.0 if usual == 0.0 else float(numbers * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
 
 
 def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None) -> tuple[float, float]:

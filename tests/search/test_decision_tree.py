@@ -14,7 +14,7 @@ from tests.search.examples import FEATURES, planted, random_states, samples, tru
 
 @pytest.mark.parametrize(
     "text",
-    ["b1↓p < 0.5 ∧ b1↓q < 0.5 ∧ b1↓r < 0.5", "b1↓p < 0.4 ∧ b1↓q > 0.5 ∧ b1↓s < 0.6", "b1↓p < 0.3 ∨ b1↓q < 0.3"],
+    ["b1↓p < 0.5 ∧ b1↓q < 0.5 ∧ b1↓r < 0.5", "b1↓p < 0.4 ∧ b1↓q > 0.5 ∧ b1↓s < 0.6", "b1↓p < 0.2 ∨ b1↓q < 0.2"],
 )
 def test_a_planted_formula_is_found(text: str) -> None:
     truth = parse_predicate(text)

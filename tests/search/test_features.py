@@ -75,9 +75,13 @@ def test_thresholds_mean_what_values_say(greatest: bool) -> None:
         assert np.array_equal(holds(plain.above(0.3), states, {}, THREE), values > 0.3)
 
 
-def test_an_own_goal_compares_an_entity_with_it() -> None:
-    found = {str(f.term) for f in enumerate_features(THREE, ["b1"]) if f.own_goal and f.over is None}
-    assert found == {"‖b1↓xyz − g(b1)↓xyz‖", "‖b1↓xy − g(b1)↓xy‖", *(f"b1↓{c} − g(b1)↓{c}" for c in "xyz")}
+def test_two_attributes_of_one_object_that_measure_the_same_are_compared() -> None:
+    """How far a block is from where it began, but not how a share compares with a flag."""
+    begun = Attribute("start", ("x0", "y0", "z0"))
+    shares = (Attribute("filled", ("filled",), "1"), Attribute("pressed", ("pressed",), "1"))
+    found = texts(Layout(HAND, (ObjectType("block", (POSITION, begun, *shares)),)), "b1")
+    assert {"b1↓x − b1↓x0", "b1↓y − b1↓y0", "b1↓z − b1↓z0", "‖b1↓position − b1↓start‖"} <= found
+    assert "b1↓filled − b1↓pressed" not in found
 
 
 def test_projections_of_one_difference_are_one_family() -> None:
