@@ -43,13 +43,13 @@ class Search(Generic[Skills]):
     @property
     def satisfied(self) -> bool:
         """Whether the best program is good enough, or as good as can be told and nothing better was found lately."""
-        if self.best is None or not self.limits.met(self.best.outcome):
+        if self.best is None or not self.limits.undecided(self.best.outcome):
             return False
-        return self.best.rate >= self.limits.success or self.trained >= self.since + self.limits.patience
+        return self.limits.met(self.best.outcome) or self.trained >= self.since + self.limits.patience
 
     def keep(self, found: Solution[Skills]) -> None:
         """Remember a solution if it is better than the best so far."""
-        if self.best is None or found.rate > self.best.rate:
+        if self.best is None or found.outcome.beats(self.best.outcome):
             self.best, self.since = found, self.trained
 
     def following(self, choices: tuple[int, ...]) -> Line[Skills]:

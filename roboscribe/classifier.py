@@ -220,6 +220,7 @@ def _samples(
         negatives,
         crossings.frames,
         crossings.starts,
+        len(features),
         steps,
         known=_compared(features, (*tree.above(psi), *chain), evidence),
         goal_entities=frozenset(free_vars(tree.node(psi).predicate)),

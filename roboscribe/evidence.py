@@ -167,7 +167,7 @@ class Evidence:
         return tuple(found)
 
     def _after_loops(self, tree: Tree, name: str) -> IntArray:
-        """Step at which each demonstration turns to a node, (D,): where the loops before it are over if it names nobody.
+        """Step at which each demonstration turns to a node, (D,): if it names nobody, where the loops before it are over.
 
         What is said of no entity by name may be true by chance while a loop is under way.
         """
@@ -200,7 +200,7 @@ class Evidence:
         return Crossings(frames, starts, tuple(kept))
 
     def cut(self, crossings: Crossings, begins: IntArray) -> Crossings:
-        """Return crossings from later on: `begins` (C,) counts from takeover; those that are over by then are left out."""
+        """Return crossings from `begins` (C,) on, counted from takeover; those that are over by then are left out."""
         kept = np.flatnonzero(begins < crossings.lengths - 1)
         parts = [crossings.frames[crossings.starts[c] :][begins[c] : crossings.lengths[c]] for c in kept]
         lengths = np.array([len(part) for part in parts], dtype=np.int64)

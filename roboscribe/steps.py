@@ -54,8 +54,8 @@ class Outcome:
         return float((middle - spread) / (1 + Z95**2 / n)), float((middle + spread) / (1 + Z95**2 / n))
 
     def beats(self, other: Outcome) -> bool:
-        """Whether it is measurably better than another: their intervals do not overlap."""
-        return self.interval[0] > other.interval[1]
+        """Whether it is better than another, by more than one episode."""
+        return self.successes > other.rate * self.episodes + 1
 
     @classmethod
     def of(cls, rollouts: Rollouts) -> Outcome:
@@ -210,5 +210,9 @@ class Limits:
     refinements: int = 20
 
     def met(self, outcome: Outcome) -> bool:
-        """Whether an outcome cannot be told apart from what is wanted."""
+        """Whether an outcome is what is wanted; one episode more or less decides nothing."""
+        return outcome.successes + 1 >= self.success * outcome.episodes
+
+    def undecided(self, outcome: Outcome) -> bool:
+        """Whether an outcome cannot be told apart from what is wanted: its interval reaches that far."""
         return outcome.interval[1] >= self.success

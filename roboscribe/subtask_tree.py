@@ -97,6 +97,10 @@ class Tree:
                 return loop
         return None
 
+    def replacing(self, node: Node) -> Tree:
+        """Return the tree with another node in the place of the one of its name."""
+        return Tree(tuple(node if old.name == node.name else old for old in self.nodes), self.edges)
+
     def without(self, name: str) -> Tree:
         """Return the tree without a node; what led to it leads to where it led."""
         into = [a for a, b in self.edges if b == name]

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from roboscribe.best_first import Line, Search
 from roboscribe.classifier import Refinement
+from roboscribe.dsl.rewrite import conjunction, conjuncts, free_vars
+from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.steps import Abandoned, Limits, Outcome, Removed, Skills, Solution, Steps, pure_steps
-from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.subtask_tree import ROOT, Node, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import AGREEMENT
 
@@ -63,7 +66,7 @@ def synthesize(
         precedes ψ, it is compared with the attempt on ψ_R itself: an attempt on ψ that was cloned reaches most of
         what leads to ψ even where it fails, and would teach muddled predicates. A subgoal that is reached in half of
         the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
-        ψ_R, and ψ_R decides. What a loop is to bring about for every entity is not attempted before something precedes
+        ψ_R, and ψ_R decides; its controllers are trained once more, and longer. What a loop is to bring about for every entity is not attempted before something precedes
         it: the attempt on ψ_R has shown that it does not come about by itself.
     """
     if blind is not None and tree.node(psi).circular and not tree.predecessors(psi):
@@ -78,13 +81,14 @@ def synthesize(
         return tried
     skills, outcome = tried
     solution = Solution(program, tree, skills, outcome)
-    likely = line.limits.met(outcome) if psi == ROOT else outcome.rate >= 0.5
-    if outcome.rate >= line.limits.success or (likely and line.goes_on()):
+    likely = line.limits.undecided(outcome) if psi == ROOT else outcome.rate >= 0.5
+    if line.limits.met(outcome) or (likely and line.goes_on()):
         return solution
     failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
     refined = line.refine(failures, tree, psi)
     if isinstance(refined, Fail) and psi != ROOT:
-        return solution
+        again = line.attempt(program, psi, tree, skills)
+        return solution if isinstance(again, Fail) else Solution(program, tree, *again)
     if isinstance(refined, Fail):
         return Fail(f"{psi} is reached in {outcome.successes} of {outcome.episodes} episodes, and {refined.reason}")
     return _through(psi, refined, skills, line, failures if blind is None else blind)
@@ -105,21 +109,39 @@ def _through(
 
 
 def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> Solution[Skills]:
-    """Take out, one after the other, the subgoals without which the program succeeds as often.
+    """Take out, one after the other, the subgoals and atoms without which the program succeeds as often.
 
     Departs: the paper keeps every subgoal. What was learned early may have been overtaken by what was learned later.
     """
     check = steps.check or steps.roll_out
     for node in reversed(found.tree.nodes[2:]):
-        tree = found.tree.without(node.name)
-        program = steps.generate(ROOT, tree) if len(tree.nodes) > 2 else Fail("nothing would be left")
-        if isinstance(program, Fail) or steps.validate(tree) is not None:
-            continue
-        count, shown = steps.explained(program)
-        if count < AGREEMENT * shown:
-            continue
-        outcome = check(program, ROOT, found.skills)
-        if outcome.rate >= min(limits.success, found.rate):
-            steps.tell(Removed(node.name, outcome.rate))
-            found = replace(found, program=program, tree=tree, removed=(*found.removed, node.name))
+        for shorter, what in _shorter(node):
+            tree = found.tree.without(node.name) if shorter is None else found.tree.replacing(shorter)
+            program = _program_of(tree, steps)
+            outcome = None if program is None else check(program, ROOT, found.skills)
+            if program is not None and outcome is not None and outcome.rate >= min(limits.success, found.rate):
+                steps.tell(Removed(what, outcome.rate))
+                found = replace(found, program=program, tree=tree, removed=(*found.removed, what))
+                break
     return found
+
+
+def _shorter(node: Node) -> Iterator[tuple[Node | None, str]]:
+    """Yield what might do in the place of a node, and what is missing then: nothing at all, or all atoms but one."""
+    yield None, node.name
+    atoms = conjuncts(node.predicate)
+    for atom in atoms if len(atoms) > 1 else ():
+        rest = conjunction([a for a in atoms if a is not atom])
+        if free_vars(rest) == free_vars(node.predicate):
+            yield replace(node, predicate=rest), str(atom)
+
+
+def _program_of(tree: Tree, steps: Steps[Skills]) -> Program | None:
+    """Generate the program of a tree; None where it cannot be right."""
+    if len(tree.nodes) <= 2 or steps.validate(tree) is not None:
+        return None
+    program = steps.generate(ROOT, tree)
+    if isinstance(program, Fail):
+        return None
+    count, shown = steps.explained(program)
+    return program if count >= AGREEMENT * shown else None

@@ -27,7 +27,7 @@ LAYERS = {
     "program_gen": TREE | {"loop_guard"},
     "steps": TREE | {"program_gen", "classifier"},
     "best_first": TREE | {"classifier", "steps"},
-    "synthesize": TREE | {"steps", "best_first"},
+    "synthesize": TREE | {"classifier", "steps", "best_first"},
     "envs": LANGUAGE | {"reward"},
     "rl": LANGUAGE | {"reward"},
     "baselines": LANGUAGE | {"reward", "rl"},

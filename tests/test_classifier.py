@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
+import pytest
 
-from roboscribe.classifier import Refinement, learn_classifier
-from roboscribe.dsl.rewrite import rename
-from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import Const, Less, Predicate
+from roboscribe.classifier import Refinement, alternative, learn_classifier, place_of
+from roboscribe.dsl.parser import parse_predicate
+from roboscribe.dsl.semantics import holds
+from roboscribe.dsl.syntax import Predicate
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.world.layout import FloatArray
+from roboscribe.subtask_tree import ROOT, Node, Place, Tree, update_tree
+from roboscribe.world.layout import FloatArray, Layout
+from roboscribe.world.trajectory import Trajectory
 from tests.handmade import AT, HOLD, carry, chain, evidence, node, state
+from tests.search.examples import LAYOUT as GAUGED
 
 ONE = PointTask("toy", ("block",))
 TWO = PointTask("toy", ("block",) * 2)
@@ -54,7 +55,8 @@ def share(predicate: Predicate, states: FloatArray, shown: Evidence) -> float:
 def test_what_wandering_lacks_is_the_block_in_hand() -> None:
     answer = learned(learn_classifier(wandering(ONE), SHOWN, Tree(), ROOT))
     assert str(answer.node.predicate).startswith("‖μ↓xz − b1↓xz‖ < ")
-    assert (answer.node.name, answer.psi, answer.reused, answer.positives) == ("hold", ROOT, False, 20)
+    assert (answer.node.name, answer.psi, answer.positives) == ("hold", ROOT, 20)
+    assert not answer.node.circular
 
 
 def test_what_clutching_lacks_is_the_block_at_its_goal() -> None:
@@ -78,42 +80,49 @@ def test_the_table_is_ranked_and_its_first_row_is_the_answer() -> None:
     assert dict(answer.table[0].scales) == answer.node.scales
 
 
-def test_placing_the_next_block_reuses_what_was_learned_about_the_first() -> None:
-    shown = evidence(TWO, steps=120)
-    failures = wandering(TWO)
-    place, goal = (TWO.layout.columns[0, "position", is_goal] for is_goal in (False, True))
-    failures[:, place] = failures[:, goal]
-    answer = learned(learn_classifier(failures, shown, chain(HOLD1, AT1), ROOT))
-    assert answer.reused
-    assert answer.node == AT1
-    assert answer.table == ()
+def test_every_choice_of_the_table_can_be_taken() -> None:
+    answer = learned(learn_classifier(wandering(ONE), SHOWN, Tree(), ROOT))
+    assert len(answer.table) > 1
+    for rank, candidate in enumerate(answer.table):
+        assert candidate.possible
+        other = alternative(answer, rank, SHOWN, Tree())
+        assert other.node.predicate == candidate.predicate
+        assert other.node.scales == dict(candidate.scales)
+        assert (other.table, other.psi) == (answer.table, ROOT)
 
 
-def test_a_reused_threshold_is_widened_to_where_it_holds_for_the_others() -> None:
-    shown = evidence(TWO, steps=120)
-    failures = wandering(TWO)
-    place, goal = (TWO.layout.columns[0, "position", is_goal] for is_goal in (False, True))
-    failures[:, place] = failures[:, goal]
-    before = shown.states_before(Tree().node(ROOT).predicate)
-    assert isinstance(AT1.predicate, Less)
-    second = rename(AT1.predicate.left, {"b1": "b2"})
-    worst = np.sort(evaluate(second, before, {}, TWO.layout)[..., 0])[-2:]
-    tight = replace(AT1, predicate=replace(AT1.predicate, right=Const(float(worst.mean()))))
-    answer = learned(learn_classifier(failures, shown, chain(HOLD1, tight), ROOT))
-    assert answer.reused
+@pytest.mark.parametrize("steps", [12, 120], ids=["quick", "slow"])
+def test_what_every_block_is_brought_to_is_a_loop_at_once(steps: int) -> None:
+    """Slow demonstrations show the last block still a little away from its goal when the task is solved."""
+    shown = evidence(TWO, steps=steps)
+    answer = learned(learn_classifier(wandering(TWO), shown, Tree(), ROOT))
+    assert answer.node.circular
+    assert answer.node.role == "b1"
+    assert str(answer.node.predicate).startswith("‖b1↓xz − g(b1)↓xz‖ < ")
     assert answer.node.name == "at"
-    assert share(rename(answer.node.predicate, {"b1": "b2"}), before, shown) == 1.0
-    assert share(rename(answer.node.predicate, {"b1": "b2"}), failures, shown) < 0.05
+    assert answer.table[0].each
+    first = shown.each_first_steps(answer.node.predicate, "b1")
+    assert (first.min(axis=1) < shown.solved_at).all(), "the first block is there before the task is solved"
 
 
-def test_nothing_is_reused_where_the_failures_handle_the_next_block_too() -> None:
-    shown = evidence(TWO, steps=120)
+def test_a_loop_that_the_failures_go_through_too_explains_nothing() -> None:
+    shown = evidence(TWO)
     failures = wandering(TWO)
     for i in (0, 1):
         place, goal = (TWO.layout.columns[i, "position", is_goal] for is_goal in (False, True))
-        failures[:, place] = failures[:, goal] + 0.02
-    answer = learn_classifier(failures, shown, chain(HOLD1, AT1), ROOT)
-    assert isinstance(answer, Fail) or not answer.reused
+        failures[:, place] = failures[:, goal]
+    answer = learn_classifier(failures, shown, Tree(), ROOT)
+    assert isinstance(answer, Fail) or not [c for c in answer.table if c.each and "g(b1)" in str(c.predicate)]
+
+
+def test_what_each_block_needs_is_learned_from_both() -> None:
+    """Twenty demonstrations of two blocks are forty of picking one up."""
+    shown = evidence(TWO)
+    tree = chain(node("at", AT, "b1", circular=True))
+    answer = learned(learn_classifier(wandering(TWO), shown, tree, "at"))
+    assert str(answer.node.predicate).startswith("‖μ↓xz − b1↓xz‖ < ")
+    assert answer.positives == 40
+    assert not answer.node.circular, "the loop repeats it"
 
 
 def test_a_goal_that_no_demonstration_reaches_cannot_be_explained() -> None:
@@ -123,10 +132,11 @@ def test_a_goal_that_no_demonstration_reaches_cannot_be_explained() -> None:
 
 
 def test_failures_that_look_like_success_cannot_be_told_apart() -> None:
-    before = SHOWN.states_before(Tree().node(ROOT).predicate)
-    answer = learn_classifier(before, SHOWN, Tree(), ROOT)
+    answer = learn_classifier(np.repeat(SHOWN.crossings(Tree(), ROOT).reached, 2, axis=0), SHOWN, Tree(), ROOT)
     assert isinstance(answer, Fail)
-    assert answer.reason.startswith("no predicate separates the states before ψ_R from the failing rollouts")
+    assert answer.reason.startswith(
+        "no predicate of the declared attributes holds in the 20 demonstrated states before ψ_R and fails in the 40"
+    )
 
 
 def test_after_a_loop_its_entities_have_no_names() -> None:
@@ -149,3 +159,80 @@ def _hand_away(task: PointTask, last: FloatArray) -> FloatArray:
     places, goals = last[np.r_[columns[0], columns[1]]].reshape(2, 2), last[np.r_[columns[2], columns[3]]].reshape(2, 2)
     hands = np.linspace(last[:2], (3.1, 0.5), 11)[1:]
     return np.stack([state(task.layout, hand, places, goals) for hand in hands])
+
+
+def deeds(count: int, **when: tuple[int, ...]) -> Evidence:
+    """Ten demonstrations of blocks whose numbers p, q, r fall below 0.1 for good, at given frames; then it is solved."""
+    layout = Layout(GAUGED.robot, GAUGED.entities * count)
+    states = np.ones((60, layout.size))
+    for gauge, begins in when.items():
+        for block, begin in enumerate(begins):
+            states[begin:, layout.columns[block, gauge, False]] = 0.05
+    return Evidence((Trajectory(layout, states),) * 10, lambda s: np.arange(len(s)) % 60 == 59)
+
+
+def deed(gauge: str, *, each: bool = False) -> Node:
+    """The subgoal that a number of b1 is below 0.1."""
+    return Node(gauge, parse_predicate(f"b1↓{gauge} < 0.1"), each, over="b1" if each else "")
+
+
+def test_a_second_attribute_of_one_entity_comes_after_the_first() -> None:
+    assert place_of(deed("q"), deeds(1, p=(10,), q=(20,)), chain(deed("p")), ROOT) == Place("")
+
+
+def test_a_second_attribute_of_one_entity_comes_before_the_first() -> None:
+    assert place_of(deed("p"), deeds(1, p=(10,), q=(20,)), chain(deed("q")), ROOT) == Place("q")
+
+
+@pytest.mark.parametrize(("new", "chained", "place"), [("p", "qr", "q"), ("q", "pr", "r"), ("r", "pq", "")])
+def test_a_third_attribute_finds_its_place(new: str, chained: str, place: str) -> None:
+    shown = deeds(1, p=(10,), q=(20,), r=(30,))
+    assert place_of(deed(new), shown, chain(*map(deed, chained)), ROOT) == Place(place)
+
+
+def test_subgoals_about_other_entities_do_not_decide_a_place() -> None:
+    other = Node("other", parse_predicate("b2↓q < 0.1"))
+    assert place_of(deed("p"), deeds(2, p=(10, 10), q=(20, 20)), chain(other), ROOT) == Place("")
+
+
+def test_two_deeds_for_each_block_in_turn_are_one_loop() -> None:
+    shown = deeds(3, p=(5, 20, 35), q=(10, 25, 40))
+    after = place_of(deed("q", each=True), shown, chain(deed("p", each=True)), ROOT)
+    before = place_of(deed("p", each=True), shown, chain(deed("q", each=True)), ROOT)
+    assert (after, before) == (Place(""), Place("q"))
+    trees = [
+        update_tree(chain(deed("p", each=True)), deed("q", each=True), ROOT, after),
+        update_tree(chain(deed("q", each=True)), deed("p", each=True), ROOT, before),
+    ]
+    for tree in trees:
+        assert [n.name for n in tree.below(ROOT)] == ["q", "p"]
+        assert [n.circular for n in tree.below(ROOT)] == [True, False]
+
+
+@pytest.mark.parametrize(("one", "other"), ["pq", "qp"])
+def test_one_deed_for_all_blocks_then_another_is_two_loops(one: str, other: str) -> None:
+    shown = deeds(3, p=(5, 10, 15), q=(20, 25, 30))
+    assert place_of(deed(one, each=True), shown, chain(deed(other, each=True)), ROOT) == Place(apart=True)
+
+
+def test_the_predicate_that_is_needed_first_stands_first_though_it_was_found_last() -> None:
+    """Clutching fails for lack of at; wandering with at known, for lack of hold."""
+    assert place_of(HOLD1, SHOWN, chain(AT1), ROOT) == Place("at")
+    assert place_of(AT1, SHOWN, chain(HOLD1), ROOT) == Place("")
+
+
+def test_what_takes_three_atoms_is_told_by_a_decision_tree() -> None:
+    """No two numbers tell the goal from failures, which have any two of the three low."""
+    rng = np.random.default_rng(0)
+    low = rng.uniform(0.2, 1.0, (3000, GAUGED.size))
+    for i, row in enumerate(low):
+        row[1:4] = rng.uniform(0.0, 0.1, 3)
+        row[1 + i % 3] = rng.uniform(0.2, 1.0)
+    shown = []
+    for _ in range(20):
+        states = rng.uniform(0.2, 1.0, (30, GAUGED.size))
+        states[20:, 1:4] = rng.uniform(0.0, 0.1, (10, 3))
+        shown.append(Trajectory(GAUGED, states))
+    given = Evidence(tuple(shown), lambda s: np.arange(len(s)) % 30 >= 25)
+    answer = learned(learn_classifier(low, given, Tree(), ROOT))
+    assert share(answer.node.predicate, low, given) < 0.05

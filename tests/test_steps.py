@@ -53,26 +53,37 @@ def test_the_interval_is_wilsons() -> None:
     assert outcome(100, 200).interval[0] > low, "more episodes say more"
 
 
-def test_better_is_what_no_chance_explains() -> None:
+def test_better_is_more_than_one_episode() -> None:
     assert outcome(20).beats(outcome(10))
-    assert not outcome(20).beats(outcome(16)), "0.84 to 1 and 0.58 to 0.92 overlap"
+    assert outcome(12).beats(outcome(10))
+    assert not outcome(11).beats(outcome(10))
     assert not outcome(10).beats(outcome(20))
     assert not outcome(15).beats(outcome(15))
-    assert outcome(200, 200).beats(outcome(160, 200))
+    assert outcome(12, 20).beats(outcome(50, 100)), "shares are compared, whatever the count of episodes"
+    assert not outcome(11, 20).beats(outcome(50, 100))
 
 
 @pytest.mark.parametrize(
-    ("successes", "episodes", "met"),
-    [(20, 20, True), (18, 20, True), (17, 20, False), (180, 200, False), (190, 200, True), (0, 20, False)],
+    ("successes", "episodes", "met", "undecided"),
+    [
+        (20, 20, True, True),
+        (19, 20, True, True),  # one episode decides nothing
+        (18, 20, False, True),  # the interval ends at 0.972
+        (17, 20, False, False),  # at 0.948
+        (193, 200, True, True),
+        (190, 200, False, True),  # at 0.973
+        (180, 200, False, False),  # at 0.934: the same share as 18 of 20, of which more is known
+        (0, 20, False, False),
+    ],
 )
-def test_limits_are_met_where_the_wanted_rate_cannot_be_ruled_out(successes: int, episodes: int, met: bool) -> None:
-    """The upper ends of the intervals are 1, 0.972, 0.948, 0.934, 0.973 and 0.16; 0.97 is wanted."""
-    assert Limits(success=0.97).met(outcome(successes, episodes)) == met
+def test_limits_are_met_undecided_or_missed(successes: int, episodes: int, met: bool, undecided: bool) -> None:
+    limits, found = Limits(success=0.97), outcome(successes, episodes)
+    assert (limits.met(found), limits.undecided(found)) == (met, undecided)
 
 
 def test_a_lower_rate_is_met_sooner() -> None:
     assert not Limits(success=0.9).met(outcome(10))
-    assert Limits(success=0.7).met(outcome(10))
+    assert Limits(success=0.5).met(outcome(10))
     assert Limits(success=0.0).met(outcome(0))
 
 

@@ -118,8 +118,8 @@ def train_program(
         skills[turn.run.controller], report = _learn(setting, rim, turn, skills)
         reports.append(report)
     known = _known(setting, library)
-    rate, steps = _screen(setting, skills) if known else (0.0, 0)
-    if known and rate < config.worth_improving:
+    rate, steps = _screen(setting, skills) if known and solve else (0.0, 0)
+    if known and solve and rate < config.worth_improving:
         reports.append(SkillReport(known[-1].run.controller, "kept", 0, rate, rate, steps))
         return TrainingResult(skills, tuple(reports))
     for turn in known:
@@ -153,11 +153,13 @@ class _Turn:
         run: its statement.
         title: under which its progress is kept.
         reinforce: whether reinforcement learning may follow the warm start.
+        again: whether it was learned before, so that no subgoal is expected before it.
     """
 
     run: Run
     title: str
     reinforce: bool = True
+    again: bool = False
 
 
 def _new(setting: Setting, library: Mapping[str, Skill]) -> Iterator[_Turn]:
@@ -175,12 +177,15 @@ def _new(setting: Setting, library: Mapping[str, Skill]) -> Iterator[_Turn]:
 
 
 def _known(setting: Setting, library: Mapping[str, Skill]) -> list[_Turn]:
-    """List the controllers of the library that a program that is to bring ψ_R about may improve, in textual order.
+    """List the controllers of the library that are to be improved, in textual order.
 
-    Where the program solves the task too rarely a subgoal is missing, and they are not to blame.
+    A program that is to bring ψ_R about may improve all it knows; where it solves the task too rarely a subgoal is
+    missing, and they are not to blame. One for a subgoal improves them where all are known: it was tried before, and
+    nothing explains why it fails.
     """
-    runs = {run.controller: run for run in setting.runs if run.controller in library}
-    return [_Turn(run, f"{name}.improved") for name, run in runs.items()] if setting.solve else []
+    runs = {run.controller: run for run in setting.runs}
+    known = [_Turn(run, f"{name}.improved", again=True) for name, run in runs.items() if name in library]
+    return known if setting.solve or len(known) == len(runs) else []
 
 
 def _screen(setting: Setting, skills: Mapping[str, Skill]) -> tuple[float, int]:
@@ -216,7 +221,7 @@ def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]
     rim.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
     target = setting.target(run)
-    budget = _budget(setting, run, rate)
+    budget = setting.config.budget if turn.again else _budget(setting, run, rate)
     if rate >= target or not turn.reinforce or not budget:
         return warm, report
 

@@ -68,6 +68,7 @@ class Samples:
         negatives: (M, F), N_s.
         frames: (S, F), the crossings from takeover to the first frame of ψ, one after the other.
         starts: (C,), where each crossing begins in `frames`.
+        choices: how many expressions were on offer.
         steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
         known: what the goal and the subgoals before it compare already, as `Feature.family`.
         goal_entities: entities that the goal mentions by name.
@@ -81,6 +82,7 @@ class Samples:
     negatives: FloatArray
     frames: FloatArray
     starts: IntArray
+    choices: int = 2
     steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
     known: frozenset[str] = frozenset()
     goal_entities: frozenset[str] = frozenset()
@@ -111,6 +113,7 @@ class Candidate:
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
+        informative: whether φ says enough, see `enough_said`.
     """
 
     predicate: Predicate
@@ -129,16 +132,17 @@ class Candidate:
     family: str
     standing: int = 0
     each: bool = False
+    informative: bool = True
 
     @property
     def separates(self) -> bool:
-        """Whether few enough negatives are accepted, and not because it says nothing."""
-        return self.accepted <= TOLERANCE and self.bits >= LEAST_BITS
+        """Whether few enough negatives are accepted."""
+        return self.accepted <= TOLERANCE
 
     @property
     def possible(self) -> bool:
         """Whether it can be a subgoal: it separates, is brought about on the way and says something new."""
-        return self.separates and self.advances and not self.copy
+        return self.separates and self.advances and self.informative and not self.copy
 
     @property
     def explains(self) -> bool:
@@ -176,6 +180,17 @@ class Candidate:
             -self.margin,
             str(self.predicate),
         )
+
+
+def enough_said(bits: float, crossings: int, choices: int) -> bool:
+    """Tell whether a predicate says more than it takes to name it.
+
+    Args:
+        bits: what it says about one crossing.
+        crossings: how often the demonstrations agree with it; from few of them something always seems to follow.
+        choices: how many expressions were on offer.
+    """
+    return bits >= LEAST_BITS and bits * crossings >= np.log2(choices)
 
 
 def level(share: float, levels: tuple[float, ...]) -> int:
@@ -229,6 +244,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),
         bits=it.bits,
+        informative=enough_said(it.bits, len(samples.starts), samples.choices),
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         standing=int(bool(samples.anchors) and any(uses_robot(f.term) for f in it.features)),

@@ -15,7 +15,7 @@ import numpy as np
 from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
 from roboscribe.dsl.semantics import evaluate
 from roboscribe.dsl.syntax import Norm
-from roboscribe.search.candidates import MOST_INITIAL, Candidate
+from roboscribe.search.candidates import MOST_INITIAL, Candidate, enough_said
 from roboscribe.search.features import Feature
 from roboscribe.search.predicates import bits, bound
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
@@ -74,13 +74,13 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
                 for sign in (1.0, -1.0):
-                    found = _candidate(feature, sign, sign * values, sign * negatives, pairs)
+                    found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs)
                     if found is not None:
                         yield found
 
 
 def _candidate(
-    feature: Feature, sign: float, values: FloatArray, negatives: FloatArray, pairs: Pairs
+    feature: Feature, features: Sequence[Feature], sign: float, values: FloatArray, negatives: FloatArray, pairs: Pairs
 ) -> Candidate | None:
     """Put a threshold where all entities lie once ψ_R holds; values (N, S) to lie below."""
     spread = float(np.std(np.concatenate([values.ravel(), negatives.ravel()])))
@@ -104,6 +104,7 @@ def _candidate(
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
     width = threshold if isinstance(feature.term, Norm) and sign > 0 else threshold - float(kept.min())
+    said = bits(width, values.ravel(), feature.detail)
     lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
         predicate=predicate,
@@ -117,10 +118,11 @@ def _candidate(
         margin=gap / spread,
         scales=((str(feature.term), float(f"{spread:.4g}")),),
         entities=len(free_vars(feature.term)),
-        bits=bits(width, values.ravel(), feature.detail),
+        bits=said,
         size=size(predicate),
         family=feature.family,
         each=True,
+        informative=enough_said(said, int(late.sum()), len(features)),
     )
 
 

@@ -35,7 +35,8 @@ def first_displacements(trajectory: Trajectory) -> IntArray:
     """Step at which each entity first leaves its place, shape (N,); the episode's length where it never does.
 
     An entity counts as displaced once one of its attributes, velocities and quaternions aside, has changed by a tenth
-    of the largest change that any entity of its type shows in that attribute. Only what a controller moves counts, so a goal never does.
+    of the largest change that any entity of its type shows in that attribute. Only what a controller moves counts, so a
+    goal never does.
     """
     layout = trajectory.layout
     first = np.full(len(layout.entities), len(trajectory), dtype=np.int64)

@@ -14,7 +14,7 @@ from roboscribe.dsl.rewrite import controllers
 from roboscribe.envs.point_world import POINT_TASKS, Lookahead
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.evidence import Evidence
-from roboscribe.subtask_tree import ROOT, Node, Tree, update_tree
+from roboscribe.subtask_tree import ROOT, Node, Place, Tree, update_tree
 from stages.files import OUTCOME, REFINEMENT, read_fail, read_json, write_fail, write_json
 from stages.skills import DESCRIPTIONS, WEIGHTS, read_library, write_library
 from stages.values import (
@@ -45,6 +45,13 @@ def test_a_tree_survives() -> None:
     assert tree_from_json(tree_to_json(TREE)) == TREE
 
 
+def test_a_loop_that_speaks_of_two_entities_survives_with_the_one_that_it_goes_over() -> None:
+    into = Node("into", parse_predicate("norm(c1.xz - d1.xz) < 0.1"), circular=True, over="c1")
+    tree = update_tree(Tree(), into, ROOT)
+    assert tree_from_json(tree_to_json(tree)) == tree
+    assert tree_from_json(tree_to_json(tree)).node("into").role == "c1"
+
+
 @pytest.mark.parametrize("damage", [{}, {"nodes": [{"name": "a"}], "edges": []}, {"nodes": 3, "edges": 4}, None])
 def test_what_is_no_tree_is_refused(damage: object) -> None:
     with pytest.raises(ArtifactError, match="no subtask tree"):
@@ -63,6 +70,23 @@ def test_a_refinement_survives_with_its_table(tmp_path: Path) -> None:
     assert len(found.table) > 1
     write_json(tmp_path / REFINEMENT, refinement_to_json(found))
     assert read_refinement(tmp_path / REFINEMENT) == found
+
+
+def test_a_refinement_survives_with_its_place_and_what_was_passed_over(tmp_path: Path) -> None:
+    found = refinement()
+    for place in (Place("hold"), Place(apart=True)):
+        other = replace(found, place=place, passed_over=(("b1.z > 0.3", "its program explains 3 of 6 demonstrations"),))
+        write_json(tmp_path / REFINEMENT, refinement_to_json(other))
+        assert read_refinement(tmp_path / REFINEMENT) == other
+
+
+@pytest.mark.parametrize("missing", ["table", "place", "passed_over", "node"])
+def test_what_is_no_refinement_is_refused(missing: str, tmp_path: Path) -> None:
+    value = refinement_to_json(refinement())
+    del value[missing]
+    write_json(tmp_path / REFINEMENT, value)
+    with pytest.raises(ArtifactError, match="no refinement"):
+        read_refinement(tmp_path / REFINEMENT)
 
 
 def test_an_outcome_survives(tmp_path: Path) -> None:
