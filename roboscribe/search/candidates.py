@@ -190,7 +190,7 @@ def enough_said(bits: float, crossings: int, choices: int) -> bool:
         crossings: how often the demonstrations agree with it; from few of them something always seems to follow.
         choices: how many expressions were on offer.
     """
-    return bits >= LEAST_BITS and bits * crossings >= np.log2(choices)
+    return bool(bits >= LEAST_BITS and bits * crossings >= np.log2(choices))
 
 
 def level(share: float, levels: tuple[float, ...]) -> int:
