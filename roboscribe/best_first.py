@@ -70,6 +70,8 @@ class Line(Generic[Skills]):
     taken: tuple[int, ...] = ()
     calls: int = 0
     refinements: list[Refinement] = field(default_factory=list)
+    exhausted: bool = False
+    """Whether every choice at the last place was made by earlier lines."""
 
     @property
     def limits(self) -> Limits:
@@ -97,7 +99,10 @@ class Line(Generic[Skills]):
 
     def goes_on(self) -> bool:
         """Whether a subgoal that is reached often, but not often enough, is taken as it is."""
-        return self._choose() == 0
+        rank = self._choose()
+        if rank == 0:
+            self._leave_open()
+        return rank == 0
 
     def refine(self, failures: FloatArray, tree: Tree, psi: str) -> tuple[Refinement, Tree] | Fail:
         """LEARNCLASSIFIER, UPDATETREE and VALIDATE: the subgoal at this line's rank among those that can be right."""
@@ -107,7 +112,9 @@ class Line(Generic[Skills]):
         rank = self._choose()
         refined = self._once(lambda: self._refined(options, rank))
         if isinstance(refined, Fail):
+            self.exhausted = rank > 0
             return refined
+        self._leave_open()
         self.refinements.append(refined.refinement)
         return refined.refinement, refined.tree
 
@@ -118,19 +125,22 @@ class Line(Generic[Skills]):
         return refined
 
     def _options(self, failures: FloatArray, tree: Tree, psi: str) -> _Options[Skills] | Fail:
-        if len(self.taken) >= self.limits.refinements:
+        if len(self.refinements) >= self.limits.refinements:
             return Fail(f"{self.limits.refinements} refinements were not enough")
         found = self.search.steps.classify(failures, tree, psi)
         return found if isinstance(found, Fail) else _Options(self.search.steps, found, tree)
 
     def _choose(self) -> int:
-        """Take the next choice; beyond those given the best, leaving the next best open."""
+        """Take the next choice; beyond those given the best."""
         place = len(self.taken)
         rank = self.choices[place] if place < len(self.choices) else 0
-        if place >= len(self.choices) - 1:
-            self.search.leave_open((*self.taken, rank + 1))
         self.taken = (*self.taken, rank)
         return rank
+
+    def _leave_open(self) -> None:
+        """Leave the next best open, unless an earlier line did."""
+        if len(self.taken) >= len(self.choices):
+            self.search.leave_open((*self.taken[:-1], self.taken[-1] + 1))
 
     def _once(self, act: Callable[[], T]) -> T:
         """Do what this line has not done in common with an earlier one."""

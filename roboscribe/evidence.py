@@ -167,7 +167,7 @@ class Evidence:
         return tuple(found)
 
     def _after_loops(self, tree: Tree, name: str) -> IntArray:
-        """Step at which each demonstration turns to a node, (D,): if it names nobody, where the loops before it are over.
+        """Step at which each demonstration turns to a node, (D,); if it names nobody, when the loops before it end.
 
         What is said of no entity by name may be true by chance while a loop is under way.
         """

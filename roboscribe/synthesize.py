@@ -66,13 +66,16 @@ def synthesize(
         precedes ψ, it is compared with the attempt on ψ_R itself: an attempt on ψ that was cloned reaches most of
         what leads to ψ even where it fails, and would teach muddled predicates. A subgoal that is reached in half of
         the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
-        ψ_R, and ψ_R decides; its controllers are trained once more, and longer. What a loop is to bring about for every entity is not attempted before something precedes
-        it: the attempt on ψ_R has shown that it does not come about by itself.
+        ψ_R, and ψ_R decides; the latter are trained once more before. What a loop is to bring about for every entity
+        is not attempted before something precedes it: the attempt on ψ_R has shown that it does not come about by
+        itself.
     """
     if blind is not None and tree.node(psi).circular and not tree.predecessors(psi):
         refined = line.refine(blind, tree, psi)
         if not isinstance(refined, Fail):
             return _through(psi, refined, skills, line, blind)
+        if line.exhausted:
+            return refined
     program = line.generate(psi, tree)
     if isinstance(program, Fail):
         return program
@@ -86,7 +89,7 @@ def synthesize(
         return solution
     failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
     refined = line.refine(failures, tree, psi)
-    if isinstance(refined, Fail) and psi != ROOT:
+    if isinstance(refined, Fail) and psi != ROOT and not line.exhausted:
         again = line.attempt(program, psi, tree, skills)
         return solution if isinstance(again, Fail) else Solution(program, tree, *again)
     if isinstance(refined, Fail):
@@ -114,7 +117,8 @@ def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> S
     Departs: the paper keeps every subgoal. What was learned early may have been overtaken by what was learned later.
     """
     check = steps.check or steps.roll_out
-    for node in reversed(found.tree.nodes[2:]):
+    nodes = found.tree.nodes[2:] if limits.undecided(found.outcome) else ()  # chance decides about a bad program
+    for node in reversed(nodes):
         for shorter, what in _shorter(node):
             tree = found.tree.without(node.name) if shorter is None else found.tree.replacing(shorter)
             program = _program_of(tree, steps)

@@ -21,7 +21,7 @@ MOST_DECISIONS = 1000
 
 
 def candidate(node: Node) -> Candidate:
-    """A row of a table."""
+    """Write a row of a table."""
     return Candidate(
         predicate=node.predicate,
         accepted=0.0,

@@ -22,7 +22,7 @@ def solved(story: Story, limits: Limits | None = None) -> Solution[int]:
 
 
 def second_is_right() -> Story:
-    """The likeliest subgoal is reached, and the task is not; the second one leads there."""
+    """Tell of a subgoal that is reached in vain, and of a less likely one that leads to the task's goal."""
     reached = {("at", "at"): 20, ("other", "other"): 20, ("other", "at other"): 20}
     return Story({**reached, **root(20, "other")}, {ROOT: [AT1, OTHER]})
 
@@ -63,7 +63,7 @@ def test_a_search_ends_when_every_choice_was_made() -> None:
 
 
 def test_latest_choices_are_changed_first() -> None:
-    """at is right, and the second subgoal behind it is not the likeliest one."""
+    """The first subgoal is right, the likeliest one behind it is not."""
     reached = {("at", "at"): 20, ("other", "at other"): 20, ("third", "at third"): 20}
     story = Story({**reached, **root(20, "at third")}, {ROOT: [AT1, OTHER, THIRD]})
     answer = solved(story)

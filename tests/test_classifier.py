@@ -162,7 +162,7 @@ def _hand_away(task: PointTask, last: FloatArray) -> FloatArray:
 
 
 def deeds(count: int, **when: tuple[int, ...]) -> Evidence:
-    """Ten demonstrations of blocks whose numbers p, q, r fall below 0.1 for good, at given frames; then it is solved."""
+    """Draw demonstrations of blocks whose numbers p, q, r fall below 0.1 for good, at given frames."""
     layout = Layout(GAUGED.robot, GAUGED.entities * count)
     states = np.ones((60, layout.size))
     for gauge, begins in when.items():
@@ -172,7 +172,7 @@ def deeds(count: int, **when: tuple[int, ...]) -> Evidence:
 
 
 def deed(gauge: str, *, each: bool = False) -> Node:
-    """The subgoal that a number of b1 is below 0.1."""
+    """Write the subgoal that a number of b1 is below 0.1."""
     return Node(gauge, parse_predicate(f"b1↓{gauge} < 0.1"), each, over="b1" if each else "")
 
 

@@ -171,7 +171,7 @@ def admitted(guard: Predicate, shown: Evidence) -> list[list[int]]:
 
 
 def served_at(shown: Evidence) -> list[list[int]]:
-    """Steps at which the blocks are placed, ascending, by demonstration."""
+    """List the steps at which the blocks are placed, ascending, by demonstration."""
     return [sorted(row) for row in shown.each_first_steps(AT_NODE.predicate, "b1").tolist()]
 
 

@@ -98,7 +98,7 @@ def test_three_branches_in_any_order_are_run_in_one() -> None:
 
 
 def test_three_branches_whose_order_has_a_reason_become_guarded_branches() -> None:
-    """while (something is left) { if (...) S1 else if (...) S2 else S3 }: whatever is left, the lowest goal's is next."""
+    """A loop of `if ... else if ... else`: whatever is left, that with the lowest goal is next."""
     answer = gen_program(ROOT, evidence(TRIO, bottom_up, episodes=40), THREE_PATHS)
     assert not isinstance(answer, Fail)
     (loop,) = [part for part in walk(answer) if isinstance(part, While)]

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from roboscribe.dsl.syntax import Program, Seq
+import numpy as np
+
+from roboscribe.dsl.syntax import And, Program, Seq
 from roboscribe.errors import Fail
-from roboscribe.steps import Removed
+from roboscribe.steps import Outcome, Removed
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.synthesize import Limits, Solution, roboscribe
 from tests.handmade import AT, HOLD, node
@@ -63,9 +65,12 @@ def test_it_is_refined_after_all_where_the_goal_is_missed() -> None:
     assert story.asked.count(("at", "at")) == 1
 
 
-def test_a_subgoal_that_nothing_explains_is_taken_as_it_is() -> None:
+def test_a_subgoal_that_nothing_explains_is_trained_once_more_and_taken_as_it_is() -> None:
     story = Story({("at", "at"): 3, **root(20, "at")}, {ROOT: [AT1]})
-    assert [r.node.name for r in solved(story).refinements] == ["at"]
+    answer = solved(story)
+    assert [r.node.name for r in answer.refinements] == ["at"]
+    assert story.asked == [(ROOT, ""), ("at", "at"), ("at", "at"), (ROOT, "at")]
+    assert answer.skills == 4
 
 
 def test_a_loop_is_not_attempted_before_something_precedes_it() -> None:
@@ -150,6 +155,25 @@ def test_a_subgoal_without_which_no_tree_can_be_right_stays() -> None:
     answer = roboscribe(refused, 0, Limits())
     assert isinstance(answer, Solution)
     assert answer.removed == ()
+
+
+def test_an_atom_that_does_not_help_is_removed() -> None:
+    """What was learned in addition to a predecessor need not ask for the predecessor any more."""
+    both = replace(AT1, predicate=And(HOLD1.predicate, AT1.predicate))
+    answer = solved(Story({("at", "at"): 20, **root(20, "at")}, {ROOT: [both]}))
+    assert answer.removed == (str(HOLD1.predicate),)
+    assert answer.tree.node("at").predicate == AT1.predicate
+    assert answer.refinements[0].node.predicate == both.predicate
+
+
+def test_an_atom_without_which_less_is_solved_stays() -> None:
+    both = replace(AT1, predicate=And(HOLD1.predicate, AT1.predicate))
+    story = Story({("at", "at"): 20, **root(20, "at")}, {ROOT: [both]})
+    steps = replace(story.steps(), check=lambda program, goal, skills: Outcome(12, 20, np.zeros((0, 2))))
+    answer = roboscribe(steps, 0, Limits())
+    assert isinstance(answer, Solution)
+    assert answer.removed == ()
+    assert answer.tree.node("at").predicate == both.predicate
 
 
 def test_the_last_subgoal_is_never_removed() -> None:

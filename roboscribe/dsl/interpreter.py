@@ -258,22 +258,31 @@ def explains(program: Program, trajectories: Sequence[Trajectory], solved: Solve
 
 
 def _closes(machine: Machine, row: int, runs: Sequence[Run], shown: Trajectory, solved: SolvedTest) -> bool:
-    """Tell whether a demonstration leaves nothing to do but what it did before, or what it ends with."""
+    """Tell whether a demonstration leaves nothing to do but what it did before, or for the entity that it ends with."""
     rows, last = np.array([row]), shown.states[-1:]
-    unfinished: int | None = None
+    unfinished: tuple[int, ...] | None = None
     for _ in range(len(runs) * (1 + len(shown.layout.entities))):
         if machine.ended[row]:
             return not machine.stuck[row]
-        run, served = runs[int(machine.run_index[row])], int(machine.served[row])
+        run = runs[int(machine.run_index[row])]
         names = run_variables(run)
-        binding = dict(zip(names, machine.entities(rows)[0, : len(names)].tolist(), strict=True))
-        if not holds(run.until, shown.states, binding, shown.layout, solved).any():
-            if not solved(last)[0] or unfinished not in (None, served):
+        bound = tuple(machine.entities(rows)[0, : len(names)].tolist())
+        if not _ever(run, bound, shown, solved):
+            served = int(machine.served[row])
+            about = bound if served == NULL else (served,)
+            if not solved(last)[0] or unfinished not in (None, about):
                 return False
-            again = unfinished == served != NULL and run is runs[-1]
-            unfinished = served
-            if again:
-                return True
+            if unfinished == about and served != NULL and run is runs[-1]:
+                alike = shown.layout.of_type(shown.layout.entities[served].name)
+                others = (tuple(e if b == served else b for b in bound) for e in alike if e != served)
+                return all(_ever(run, other, shown, solved) for other in others)
+            unfinished = about
         machine.skip(rows)
         machine.advance(rows, last)
-    return unfinished is not None
+    return False
+
+
+def _ever(run: Run, bound: tuple[int, ...], shown: Trajectory, solved: SolvedTest) -> bool:
+    """Tell whether a demonstration ever reaches what a controller is to bring about for some entities."""
+    binding = dict(zip(run_variables(run), bound, strict=True))
+    return bool(holds(run.until, shown.states, binding, shown.layout, solved).any())

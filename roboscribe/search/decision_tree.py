@@ -91,4 +91,6 @@ def _candidate(leaves: Sequence[_Path], states: FloatArray, samples: Samples) ->
     spreads = {str(f.term): float(f"{np.std(f.values(states, samples.layout)):.4g}") for f in features}
     negatives = holds(predicate, samples.negatives, {}, samples.layout)
     frames = holds(predicate, samples.frames, {}, samples.layout)
-    return judge(Judged(predicate, features, negatives, frames, 0.0, tuple(spreads.items())), samples)
+    seen = np.concatenate([negatives, frames])
+    said = float(-np.log2(max(seen.mean(), 1 / len(seen))))
+    return judge(Judged(predicate, features, negatives, frames, 0.0, tuple(spreads.items()), said), samples)

@@ -147,21 +147,24 @@ def _atom(
     threshold, gap = bound(pos, neg, spread, before)
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    width = threshold if isinstance(feature.term, Norm) and sign > 0 else threshold - float(pos.min())
-    said = bits(width, np.concatenate([pos, neg, frames]), feature.detail)
+    said = bits(threshold, np.concatenate([pos, neg, frames]), feature, sign)
     return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread, said)
 
 
-def bits(width: float, values: FloatArray, numbers: int) -> float:
-    """Return how much it says that a quantity lies in an interval.
+def bits(threshold: float, values: FloatArray, feature: Feature, sign: float) -> float:
+    """Return how much it says that a feature lies below a threshold: the share of its usual values, as a logarithm.
 
     Args:
-        width: of the interval.
-        values: (S,) what the quantity is otherwise.
-        numbers: how many numbers the quantity sums up; a ball's volume falls with their count.
+        threshold: in the direction of `sign`.
+        values: (S,) what the feature is otherwise, in the direction of `sign`.
+        feature: how many numbers it sums up counts, too: a ball's volume falls with their count.
+        sign: 1 where it lies below, -1 where it lies above.
     """
+    least = 0.0 if isinstance(feature.term, Norm) and sign > 0 else float(np.quantile(values, 0.01))
     usual = float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
-    return 0.0 if usual == 0.0 else float(numbers * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
+    if usual == 0.0:
+        return 0.0
+    return float(feature.detail * np.clip(np.log2(usual / max(threshold - least, 1e-9)), 0.0, MOST_BITS))
 
 
 def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None) -> tuple[float, float]:
@@ -195,7 +198,7 @@ def _rounded(value: float, extreme: float, neg: FloatArray) -> float:
         rounded = _rounded_up(value, digits)
         if rounded > extreme and np.array_equal(neg < rounded, wanted):
             return rounded
-    return value
+    return _rounded_up(value, DIGITS[-1])
 
 
 def _rounded_up(value: float, digits: int) -> float:

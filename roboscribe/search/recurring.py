@@ -14,7 +14,6 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
 from roboscribe.dsl.semantics import evaluate
-from roboscribe.dsl.syntax import Norm
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, enough_said
 from roboscribe.search.features import Feature
 from roboscribe.search.predicates import bits, bound
@@ -103,8 +102,7 @@ def _candidate(
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
-    width = threshold if isinstance(feature.term, Norm) and sign > 0 else threshold - float(kept.min())
-    said = bits(width, values.ravel(), feature.detail)
+    said = bits(threshold, values.ravel(), feature, sign)
     lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
         predicate=predicate,

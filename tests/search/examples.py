@@ -59,5 +59,13 @@ def samples(
     starts = np.concatenate([[0], np.cumsum([len(e) for e in episodes])[:-1]]).astype(np.int64)
     reached = positives if reached is None else reached
     return Samples(
-        LAYOUT, positives, reached, negatives, np.concatenate(episodes), starts, steps or {}, anchors=anchors
+        LAYOUT,
+        before=positives,
+        reached=reached,
+        negatives=negatives,
+        frames=np.concatenate(episodes),
+        starts=starts,
+        choices=len(FEATURES),
+        steps=steps or {},
+        anchors=anchors,
     )

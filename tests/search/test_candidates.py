@@ -9,7 +9,7 @@ import pytest
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
-from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, judge
+from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import NEVER, first_true
 from tests.search.examples import feature, random_states, samples
@@ -37,7 +37,6 @@ BASE = Candidate(
     [
         {"advances": False},
         {"accepted": 0.5},
-        {"bits": 0.5},
         {"copy": True},
         {"relevant": False},
         {"kept": 0.3},
@@ -72,12 +71,28 @@ def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete(
 
 def test_what_separates_explains_only_if_it_is_a_new_step_about_the_goals_entities() -> None:
     assert BASE.explains
-    for change in ({"accepted": 0.21}, {"bits": 0.9}, {"advances": False}, {"copy": True}):
+    for change in ({"accepted": 0.21}, {"informative": False}, {"advances": False}, {"copy": True}):
         assert not replace(BASE, **change).possible
         assert not replace(BASE, **change).explains
     elsewhere = replace(BASE, relevant=False)
     assert elsewhere.possible, "another kind of object may have to be dealt with first"
     assert not elsewhere.explains
+
+
+@pytest.mark.parametrize(
+    ("bits", "crossings", "choices", "enough"),
+    [
+        (0.9, 1000, 2, False),  # it does not even halve what is possible
+        (1.0, 4, 16, True),  # four bits name one of 16, and four crossings show four
+        (1.0, 3, 16, False),
+        (3.0, 2, 100, False),  # of 100 expressions one says six bits by accident
+        (3.0, 3, 100, True),
+    ],
+)
+def test_a_subgoal_has_to_say_more_than_it_takes_to_name_it(
+    bits: float, crossings: int, choices: int, enough: bool
+) -> None:
+    assert enough_said(bits, crossings, choices) == enough
 
 
 def test_first_true_counts_from_each_episodes_start() -> None:

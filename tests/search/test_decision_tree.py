@@ -24,6 +24,7 @@ def test_a_planted_formula_is_found(text: str) -> None:
     fresh = random_states(rng, 4000)
     assert np.mean(truth_of(found.predicate, fresh) == truth_of(truth, fresh)) > 0.98
     assert found.separates
+    assert found.informative
     assert set(dict(found.scales)) == {str(atom.left) for atom in atoms(found.predicate)}
 
 

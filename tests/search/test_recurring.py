@@ -42,7 +42,7 @@ def candidates(states: FloatArray, known: frozenset[str] = frozenset()) -> dict[
 
 
 def threshold(candidate: Candidate) -> float:
-    """The number that a candidate compares with."""
+    """Return the number that a candidate compares with."""
     (const,) = [n.value for n in walk(candidate.predicate) if isinstance(n, Const)]
     return const
 
@@ -54,7 +54,7 @@ CLOSE = np.random.default_rng(0).uniform(0.0, 0.02, (DEMONSTRATIONS, 2))
 def test_what_each_block_is_brought_to_is_found_from_both() -> None:
     (found,) = [c for text, c in candidates(demonstrations(CLOSE, ONE_BY_ONE)).items() if text == "b1↓p"]
     assert found.each
-    assert (found.advances, found.relevant, found.copy) == (True, True, False)
+    assert (found.advances, found.relevant, found.copy, found.possible) == (True, True, False, True)
     assert (found.accepted, found.initial, found.kept) == (0.0, 0.0, 1.0)
     assert CLOSE.max() < threshold(found) < 0.05
 
