@@ -147,24 +147,26 @@ def _atom(
     threshold, gap = bound(pos, neg, spread, before)
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    said = bits(threshold, np.concatenate([pos, neg, frames]), feature, sign)
+    said = bits(pos, threshold, np.concatenate([pos, neg, frames]), feature, sign)
     return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread, said)
 
 
-def bits(threshold: float, values: FloatArray, feature: Feature, sign: float) -> float:
-    """Return how much it says that a feature lies below a threshold: the share of its usual values, as a logarithm.
+def bits(pos: FloatArray, threshold: float, values: FloatArray, feature: Feature, sign: float) -> float:
+    """Return how much the positives say: how narrow they are among the usual values, as a binary logarithm.
 
     Args:
-        threshold: in the direction of `sign`.
+        pos: (P,) values of the positives, in the direction of `sign`.
+        threshold: below which they lie.
         values: (S,) what the feature is otherwise, in the direction of `sign`.
         feature: how many numbers it sums up counts, too: a ball's volume falls with their count.
         sign: 1 where it lies below, -1 where it lies above.
     """
-    least = 0.0 if isinstance(feature.term, Norm) and sign > 0 else float(np.quantile(values, 0.01))
     usual = float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
+    few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
+    width = threshold if isinstance(feature.term, Norm) and sign > 0 else few * (threshold - float(pos.min()))
     if usual == 0.0:
         return 0.0
-    return float(feature.detail * np.clip(np.log2(usual / max(threshold - least, 1e-9)), 0.0, MOST_BITS))
+    return float(feature.detail * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
 
 
 def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None) -> tuple[float, float]:

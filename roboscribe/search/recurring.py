@@ -102,7 +102,7 @@ def _candidate(
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
-    said = bits(threshold, values.ravel(), feature, sign)
+    said = bits(kept, threshold, values.ravel(), feature, sign)
     lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
         predicate=predicate,
