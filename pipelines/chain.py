@@ -117,6 +117,7 @@ def command(plan: Plan, profile: str) -> str:
         ("--demos", plan.demonstrations, usual.demonstrations),
         ("--episodes", plan.episodes, usual.episodes),
         ("--budget", plan.training.budget, usual.training.budget),
+        ("--success", plan.limits.success, usual.limits.success),
         ("--contact", task.contact, usual.task.contact),
         ("--timing", task.timing, usual.task.timing),
     )

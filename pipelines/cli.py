@@ -120,6 +120,7 @@ def synthesize(
     json: JsonFile = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
     budget: Annotated[int | None, typer.Option(min=1, help="control steps of learning per skill")] = None,
+    success: Annotated[float, typer.Option(min=0.0, max=1.0, help="success rate that is good enough")] = 0.97,
     contact: Contact = "stable",
     timing: Timing = "fast",
     home: HomeDir = Path(),
@@ -132,13 +133,15 @@ def synthesize(
     from pipelines.story import Story
     from roboscribe.errors import Fail
     from roboscribe.rl.config import TrainConfig
+    from roboscribe.steps import Limits
     from stages.world import TaskConfig
 
     settings = TrainConfig() if budget is None else TrainConfig(budget=budget)
     chosen = None if profile is None else profile.value
     where = TaskConfig(task, contact, timing)
     where.make()
-    plan = Plan(where, seed, chosen, demonstrations=demos, episodes=episodes, training=settings)
+    limits = Limits(success=success)
+    plan = Plan(where, seed, chosen, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
     _make_room(*(path for path in (out, json) if path is not None))
     with Story(console) as story:
         session = Session(plan, Home(home), "local" if engine is Engine.local else "prefect", out)
@@ -146,6 +149,8 @@ def synthesize(
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
     _say(f"success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
+    if float(str(result["ci_high"])) < success:
+        _say(f"this is the best program found, below the {success:.0%} asked for")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
     _say(f"program {result['program_dir']}\nMLflow run {result['mlflow_run_id']}")
     _write(json, result)
