@@ -25,7 +25,7 @@ ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
 """Price of a node of a predicate, in lengths of a demonstration: of two equally early ones the shorter is wanted."""
-BIT_GAIN = 0.02
+BIT_GAIN = 0.05
 """Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
 MOST_BITS = 6.0
 """Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
