@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import sqrt
 from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -21,8 +22,18 @@ from roboscribe.world.naming import by_binding
 
 Skills = TypeVar("Skills")
 """Whatever TRAINPROGRAM returns: the algorithms pass controllers on without looking at them."""
-Z95 = 1.96
-"""Standard deviations on either side of a 95 % interval."""
+Z95 = 1.959963984540054
+"""Standard normal quantile of a two-sided 95 % interval."""
+
+
+def wilson(successes: int, episodes: int, z: float = Z95) -> tuple[float, float]:
+    """Return the Wilson score interval of a success rate; (0, 1) without episodes."""
+    if episodes == 0:
+        return 0.0, 1.0
+    rate, share = successes / episodes, z * z / episodes
+    centre = (rate + share / 2) / (1 + share)
+    half = z * sqrt(rate * (1 - rate) / episodes + share / (4 * episodes)) / (1 + share)
+    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 @dataclass(frozen=True)
@@ -48,10 +59,7 @@ class Outcome:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % Wilson interval of the success rate."""
-        n, p = self.episodes, self.rate
-        middle = p + Z95**2 / (2 * n)
-        spread = Z95 * np.sqrt(p * (1 - p) / n + Z95**2 / (4 * n**2))
-        return float((middle - spread) / (1 + Z95**2 / n)), float((middle + spread) / (1 + Z95**2 / n))
+        return wilson(self.successes, self.episodes)
 
     def beats(self, other: Outcome) -> bool:
         """Whether it is better than another, by more than one episode."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
-from math import sqrt
 from pathlib import Path
 
 from roboscribe.io.atomic import Json
+from roboscribe.steps import wilson
 from roboscribe.world.protocols import Task
 from stages import alone
 from stages.files import EPISODES, OUTCOME, read_json, read_program, write_json
@@ -16,9 +16,6 @@ from stages.progress import Report, silent
 from stages.skills import read_library
 from stages.store import Inputs, Stage
 from stages.world import TaskConfig, episode_seeds
-
-Z95 = 1.959963984540054
-"""Standard normal quantile of a two-sided 95 % interval."""
 
 
 @dataclass(frozen=True)
@@ -36,16 +33,6 @@ class Config:
     seed: int = 0
     episodes: int = 500
     confirm: int = 3
-
-
-def wilson(successes: int, episodes: int, z: float = Z95) -> tuple[float, float]:
-    """Return the Wilson score interval of a success rate; (0, 1) without episodes."""
-    if episodes == 0:
-        return 0.0, 1.0
-    rate, share = successes / episodes, z * z / episodes
-    centre = (rate + share / 2) / (1 + share)
-    half = z * sqrt(rate * (1 - rate) / episodes + share / (4 * episodes)) / (1 + share)
-    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 def measure(

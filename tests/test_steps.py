@@ -45,9 +45,9 @@ def failures(ran: Rollouts, episode: int, frames: slice, order: tuple[int, ...])
 
 
 def test_the_interval_is_wilsons() -> None:
-    """For 20 of 20 and z = 1.96: 20 / (20 + 3.8416) to 1; for 0 of 20 its mirror image; half is symmetric."""
-    assert outcome(20).interval == pytest.approx((20 / 23.8416, 1.0))
-    assert outcome(0).interval == pytest.approx((0.0, 3.8416 / 23.8416))
+    """For 20 of 20 and z = 1.95996: 20 / (20 + 3.841459) to 1; for 0 of 20 its mirror image; half is symmetric."""
+    assert outcome(20).interval == pytest.approx((20 / 23.841459, 1.0))
+    assert outcome(0).interval == pytest.approx((0.0, 3.841459 / 23.841459))
     low, high = outcome(10).interval
     assert low + high == pytest.approx(1.0)
     assert outcome(100, 200).interval[0] > low, "more episodes say more"
