@@ -177,20 +177,32 @@ class _Options(Generic[Skills]):
         refinement = self.steps.alternative(self.refinement, self.looked_at, self.tree)
         self.looked_at += 1
         tree = self.steps.update_tree(self.tree, refinement)
-        viable = self._explains(tree)
-        if isinstance(viable, Fail):
-            self.passed.append((str(candidate.predicate), viable.reason))
+        possible = possible_program(tree, self.steps)
+        if isinstance(possible, Fail):
+            self.passed.append((str(candidate.predicate), possible.reason))
             return
         passed = (*((str(r.refinement.node.predicate), TRIED) for r in self.found), *self.passed)
-        self.found.append(Refined(replace(refinement, passed_over=passed), tree, *viable))
+        self.found.append(
+            Refined(replace(refinement, passed_over=passed), tree, possible.explained, possible.demonstrations)
+        )
 
-    def _explains(self, tree: Tree) -> tuple[int, int] | Fail:
-        """Return how many demonstrations the program of a tree explains, and all; Fail where it cannot be right."""
-        invalid = self.steps.validate(tree)
-        program = self.steps.generate(ROOT, tree) if invalid is None else invalid
-        if isinstance(program, Fail):
-            return program
-        count, shown = self.steps.explained(program)
-        if count < AGREEMENT * shown:
-            return Fail(f"its program explains {count} of {shown} demonstrations")
-        return count, shown
+
+@dataclass(frozen=True)
+class Possible:
+    """The program of a tree that can be right, and how many of the demonstrations it explains."""
+
+    program: Program
+    explained: int
+    demonstrations: int
+
+
+def possible_program(tree: Tree, steps: Steps[Skills]) -> Possible | Fail:
+    """Generate the program of a tree; Fail where the demonstrations say that it cannot be right."""
+    invalid = steps.validate(tree)
+    program = steps.generate(ROOT, tree) if invalid is None else invalid
+    if isinstance(program, Fail):
+        return program
+    count, shown = steps.explained(program)
+    if count < AGREEMENT * shown:
+        return Fail(f"its program explains {count} of {shown} demonstrations")
+    return Possible(program, count, shown)

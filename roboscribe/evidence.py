@@ -119,11 +119,6 @@ class Evidence:
         return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
 
     @cached_property
-    def ends(self) -> IntArray:
-        """Where each demonstration ends in `states`, (D,)."""
-        return np.append(self.starts[1:], len(self.states))
-
-    @cached_property
     def solved_at(self) -> IntArray:
         """Step at which each demonstration first reaches ψ_R, (D,); NEVER where it does not."""
         return self.first_steps(Solved())

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from roboscribe.best_first import Line, Search
+from roboscribe.best_first import Line, Search, possible_program
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.rewrite import conjunction, conjuncts, free_vars
-from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.steps import Abandoned, Limits, Outcome, Removed, Skills, Solution, Steps, pure_steps
 from roboscribe.subtask_tree import ROOT, Node, Tree
 from roboscribe.world.layout import FloatArray
-from roboscribe.world.trajectory import AGREEMENT
 
 __all__ = ["Limits", "Outcome", "Solution", "Steps", "pure_steps", "roboscribe", "shortest", "synthesize"]
 
@@ -121,11 +119,13 @@ def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> S
     for node in reversed(nodes):
         for shorter, what in _shorter(node):
             tree = found.tree.without(node.name) if shorter is None else found.tree.replacing(shorter)
-            program = _program_of(tree, steps)
-            outcome = None if program is None else check(program, ROOT, found.skills)
-            if program is not None and outcome is not None and outcome.rate >= min(limits.success, found.rate):
+            possible = possible_program(tree, steps) if len(tree.nodes) > 2 else Fail("nothing would be left")
+            if isinstance(possible, Fail):
+                continue
+            outcome = check(possible.program, ROOT, found.skills)
+            if outcome.rate >= min(limits.success, found.rate):
                 steps.tell(Removed(what, outcome.rate))
-                found = replace(found, program=program, tree=tree, removed=(*found.removed, what))
+                found = replace(found, program=possible.program, tree=tree, removed=(*found.removed, what))
                 break
     return found
 
@@ -138,14 +138,3 @@ def _shorter(node: Node) -> Iterator[tuple[Node | None, str]]:
         rest = conjunction([a for a in atoms if a is not atom])
         if free_vars(rest) == free_vars(node.predicate):
             yield replace(node, predicate=rest), str(atom)
-
-
-def _program_of(tree: Tree, steps: Steps[Skills]) -> Program | None:
-    """Generate the program of a tree; None where it cannot be right."""
-    if len(tree.nodes) <= 2 or steps.validate(tree) is not None:
-        return None
-    program = steps.generate(ROOT, tree)
-    if isinstance(program, Fail):
-        return None
-    count, shown = steps.explained(program)
-    return program if count >= AGREEMENT * shown else None

@@ -98,7 +98,7 @@ def _candidate(
     reached = first <= (pairs.lasts - pairs.starts)[:, None]
     missing = (~reached).sum(axis=1)
     late = (first > 0) & reached
-    if np.mean(missing <= 1) < AGREEMENT or (len(pairs.members) == 1 and missing.any()):
+    if np.mean(missing <= 1) < AGREEMENT:
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
