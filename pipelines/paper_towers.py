@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from pipelines.prefect_settings import quiet_prefect
 from pipelines.programs import program_directory, spell_success
 from pipelines.session import Engine, Session
 from pipelines.story import Story
-from roboscribe.envs.catalogue import CONTACTS, FAMILIES
+from roboscribe.envs.catalogue import CONTACTS
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.io.atomic import canonical_json, sha256_of, write_files
 from roboscribe.io.saved_program import load_program
@@ -34,6 +35,8 @@ from stages.transfer_report import MARKDOWN, Measurement, cell_means, report_fil
 from stages.world import TaskConfig
 
 TITLE = "paper towers"
+SINGLE_TOWER = re.compile(r"tower-([0-9]+)(-crowded)?")
+"""Names of the tasks for which programs are transferred."""
 
 
 @dataclass(frozen=True)
@@ -162,11 +165,11 @@ class TowersSession:
         """
         with program_directory(name, self.home.mlruns) as directory:
             manifest: Mapping[str, Any] = load_program(directory).manifest
-            family = FAMILIES.fullmatch(manifest["task"])
-            if family is None or family[1] != "tower":
+            family = SINGLE_TOWER.fullmatch(manifest["task"])
+            if family is None:
                 msg = f"program {name}: was made for task {manifest['task']}, expected a single tower such as tower-5"
                 raise ArtifactError(msg)
-            yield Subject(int(family[2]), manifest["seed"], directory)
+            yield Subject(int(family[1]), manifest["seed"], directory)
 
     def _synthesized(self, console: Console, failures: list[str]) -> list[Subject]:
         """Synthesize all programs; those that cannot be found are added to `failures`."""

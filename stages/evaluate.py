@@ -8,7 +8,7 @@ from pathlib import Path
 
 from roboscribe.io.atomic import Json
 from roboscribe.steps import wilson
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from stages import alone
 from stages.files import EPISODES, OUTCOME, read_json, read_program, write_json
 from stages.grounded import Grounded, episode_table, summary, waves

@@ -13,8 +13,7 @@ from roboscribe.dsl.printer import text
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.envs.render import render_rollout
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.protocols import Task, World
-from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.task import Painter, Task, World
 from stages import alone
 from stages.files import read_json, read_program
 from stages.grounded import Grounded
@@ -73,17 +72,20 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     film(program, task, config.seed, out / VIDEO)
 
 
-class _Recording:
+class _Recording(Task):
     """A task whose only world keeps a snapshot of every state that it shows."""
 
     def __init__(self, task: Task) -> None:
         self.task = task
         self.name: str = task.name
-        self.layout: Layout = task.layout
         self.action_size: int = task.action_size
         self.horizon: int = task.horizon
         self.frequency: float = task.frequency
         self.snapshots: list[FloatArray] = []
+
+    @property
+    def layout(self) -> Layout:
+        return self.task.layout
 
     def solved(self, states: FloatArray) -> BoolArray:
         return self.task.solved(states)
@@ -91,8 +93,8 @@ class _Recording:
     def world(self, batch: int) -> World:
         return _RecordingWorld(self.task.world(batch), self.snapshots)
 
-    def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
-        return self.task.demonstrate(episodes, seed)
+    def painter(self, width: int, height: int) -> Painter | None:
+        return self.task.painter(width, height)
 
 
 @dataclass

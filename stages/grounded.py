@@ -15,14 +15,12 @@ from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import IntArray
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from stages.progress import Progress, Report, silent
 from stages.skills import Library, as_controllers, from_parts
 
 WAVE = 125
-"""Episodes between two messages of progress, run at once where worlds are batched."""
-GYM_BATCH = 8
-"""Episodes run at once where every row is an environment of its own."""
+"""Episodes between two messages of progress."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,7 @@ def waves(
             task,
             seeds[start : start + WAVE],
             limits=grounded.limits,
-            batch=GYM_BATCH if task.name.startswith("gym:") else WAVE,
+            batch=min(task.most_rows, WAVE),
             until_end=goal != ROOT,
             confirm=grounded.confirm,
         )

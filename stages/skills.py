@@ -19,7 +19,7 @@ from roboscribe.envs.point_world import Lookahead, PointTask
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json, write_file
 from roboscribe.rl.skill import Skill
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from stages.files import read_json, write_json
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.train_program import SkillReport, step_limits, train_program
 from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from stages import alone
 from stages.files import read_program, write_json
 from stages.journal import Journal

@@ -10,19 +10,18 @@ from zlib import crc32
 import numpy as np
 
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.demonstrations import Demonstrations, read_demonstrations
 from roboscribe.world.layout import IntArray
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 
 DEMONSTRATIONS = "demonstrations.parquet"
 
 
 @dataclass(frozen=True)
 class TaskConfig:
-    """A task of the catalogue, or of the kinematic toy world in which the pipeline can be tried in seconds.
+    """A task of the catalogue.
 
     Args:
         name: its name.
@@ -40,8 +39,6 @@ class TaskConfig:
         Raises:
             TaskError: there is no such task or option.
         """
-        if self.name in POINT_TASKS:
-            return POINT_TASKS[self.name]
         return make_task(self.name, contact=self.contact, timing=self.timing)
 
 

@@ -17,7 +17,7 @@ from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Program, Run
 from roboscribe.errors import ProgramError
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
-from roboscribe.world.protocols import Task, World
+from roboscribe.world.task import Task, World
 from roboscribe.world.trajectory import Trajectory
 
 __all__ = ["Controller", "Machine", "Rollouts", "Segment", "execute", "segment"]

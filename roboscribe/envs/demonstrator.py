@@ -1,19 +1,19 @@
-"""Demonstrations of Fetch tasks: a script without memory, noise that lasts, and a style in which it is all done."""
+"""Demonstrations by a script: a script without memory, noise that lasts, and a style in which it is all done."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
 
-from roboscribe.envs.performer import Performer
-from roboscribe.envs.styles import DEFAULT, STYLES, Style, choices
+from roboscribe.envs.performer import Performer, Scene
+from roboscribe.envs.styles import DEFAULT, STYLES, Style, choices, style_names
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from roboscribe.world.protocols import Task, World
+from roboscribe.world.task import Task, World
 from roboscribe.world.trajectory import Trajectory
 
 MEMORY = 0.7
@@ -41,12 +41,16 @@ class Script:
         above: the same, crossing well above everything and coming down vertically.
         spread: (4,) standard deviation of the noise.
         share: the share (R,) of the noise that is applied in states (R, F).
+        look: how performers read a state (F,).
+        styles: in which it can be given.
     """
 
     command: Callable[[FloatArray], FloatArray]
     above: Callable[[FloatArray], FloatArray]
     spread: FloatArray
     share: Callable[[FloatArray], FloatArray]
+    look: Callable[[FloatArray], Scene] = Scene.of
+    styles: tuple[str, ...] = tuple(STYLES)
 
     def commands(self, states: FloatArray, above: BoolArray) -> FloatArray:
         """Decide the noiseless action (R, 4) in states (R, F), from well above in those rows (R,) where asked to."""
@@ -56,13 +60,17 @@ class Script:
         return actions
 
 
-@runtime_checkable
-class Scripted(Task, Protocol):
-    """A task in a Fetch scene that a script solves."""
+class ScriptedTask(Task):
+    """A task that a script solves."""
 
     @property
+    @abstractmethod
     def script(self) -> Script:
         """What solves it."""
+
+    def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
+        """Collect `episodes` successful noisy demonstrations; episode i of a seed does not depend on `episodes`."""
+        return collect(self, episodes, seed)
 
 
 @dataclass
@@ -106,7 +114,14 @@ class Episode:
         self.solved = self.solved + 1 if solved else 0
 
 
-def start(seed: int, index: int, styles: Sequence[Style] = (STYLES[DEFAULT],), *, failing: bool = False) -> Episode:
+def start(
+    seed: int,
+    index: int,
+    styles: Sequence[Style] = (STYLES[DEFAULT],),
+    *,
+    failing: bool = False,
+    look: Callable[[FloatArray], Scene] = Scene.of,
+) -> Episode:
     """Prepare episode `index` of a seed; it depends on nothing else.
 
     Args:
@@ -114,11 +129,13 @@ def start(seed: int, index: int, styles: Sequence[Style] = (STYLES[DEFAULT],), *
         index: which episode.
         styles: it draws one of them.
         failing: an episode of a failing demonstration; in half of them the block is dropped and left.
+        look: how its performer reads a state (F,).
     """
     rng = np.random.default_rng(np.random.SeedSequence((seed, index, FAILURES) if failing else (seed, index)))
     habits = np.random.default_rng(np.random.SeedSequence((seed, index, FAILING_HABITS if failing else HABITS)))
     style = styles[int(habits.integers(len(styles)))]
-    return Episode(int(rng.integers(2**62)), rng, Performer(style, habits, failing and bool(habits.random() < 0.5)))
+    gives_up = failing and bool(habits.random() < 0.5)
+    return Episode(int(rng.integers(2**62)), rng, Performer(style, habits, gives_up, look))
 
 
 def demonstrate(task: Task, episodes: int, seed: int, style: str = DEFAULT, failing: float = 0.0) -> list[Trajectory]:
@@ -134,22 +151,23 @@ def demonstrate(task: Task, episodes: int, seed: int, style: str = DEFAULT, fail
     Raises:
         TaskError: an unknown style, one that the task does not know, or a share outside 0 to `MOST_FAILING`.
     """
-    styles = choices(style)
+    known = task.script.styles if isinstance(task, ScriptedTask) else style_names()
+    styles = choices(style, known)
     if not 0.0 <= failing <= MOST_FAILING:
         msg = f"a share of {failing:g} failing demonstrations: expected 0 to {MOST_FAILING:g}"
         raise TaskError(msg)
     if style == DEFAULT and failing == 0:
         return task.demonstrate(episodes, seed)
-    if not isinstance(task, Scripted):
+    if not isinstance(task, ScriptedTask):
         msg = f"{task.name} has its own demonstrator: expected style {DEFAULT} and no failing demonstrations"
         raise TaskError(msg)
     return collect(task, episodes, seed, styles, failing)
 
 
 def collect(
-    task: Scripted, episodes: int, seed: int, styles: Sequence[Style] = (STYLES[DEFAULT],), failing: float = 0.0
+    task: ScriptedTask, episodes: int, seed: int, styles: Sequence[Style] = (STYLES[DEFAULT],), failing: float = 0.0
 ) -> list[Trajectory]:
-    """Collect noisy demonstrations of a Fetch task.
+    """Collect noisy demonstrations of a scripted task.
 
     Args:
         task: what is shown.
@@ -170,7 +188,7 @@ def collect(
 
 
 def gather(
-    task: Scripted, count: int, seed: int, styles: Sequence[Style], *, failing: bool = False
+    task: ScriptedTask, count: int, seed: int, styles: Sequence[Style], *, failing: bool = False
 ) -> list[Trajectory]:
     """Try until there are `count` demonstrations that succeed, or that fail.
 
@@ -187,7 +205,7 @@ def gather(
             did = "failed in" if failing else "solved"
             msg = f"the demonstrator of {task.name} {did} {len(found)} of {tried} episodes, expected at least half"
             raise TaskError(msg)
-        wave = [start(seed, tried + i, styles, failing=failing) for i in range(world.batch)]
+        wave = [start(seed, tried + i, styles, failing=failing, look=task.script.look) for i in range(world.batch)]
         run(task, world, wave)
         given = [failure(task, episode) if failing else success(task, episode) for episode in wave]
         found += [trajectory for trajectory in given if trajectory is not None]
@@ -195,7 +213,7 @@ def gather(
     return found[:count]
 
 
-def run(task: Scripted, world: World, wave: Sequence[Episode]) -> None:
+def run(task: ScriptedTask, world: World, wave: Sequence[Episode]) -> None:
     """Run a wave of episodes, one per row, until each is over or has left physics."""
     script, rows = task.script, np.arange(len(wave))
     states = world.reset(rows, np.array([episode.seed for episode in wave], dtype=np.int64))

@@ -1,6 +1,6 @@
-"""The Fetch robot at its table, with any number of blocks.
+"""The Fetch robot at its table, with any number of blocks and other rigid objects.
 
-The scene is the one that the installed gymnasium-robotics package ships for FetchPickAndPlace, extended by blocks
+The scene is the one that the installed gymnasium-robotics package ships for FetchPickAndPlace, extended by objects
 and by the sensors that observations need. One block gives that environment's own dynamics.
 """
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -22,23 +23,18 @@ CONTACTS = ("stable", "paper")
 TIMINGS = {"faithful": 20, "fast": 10}
 FREQUENCY = 25.0
 """Control steps per second."""
+HEIGHT, PUSHING_HEIGHT = 0.2, 0.0
+"""How far above its home the hand starts, to pick and to push, m."""
 REACH = 0.05
 """Displacement of the end effector that an action of 1 asks for, m."""
 BLOCK_SIZE = 0.05
 """Edge of a block, m."""
+TABLE = 0.4
+"""Height of the table's top, m."""
 FINGERS = ("robot0:r_gripper_finger_joint", "robot0:l_gripper_finger_joint")
 COLORS = ((0.85, 0.25, 0.2), (0.2, 0.45, 0.85), (0.25, 0.65, 0.3), (0.9, 0.7, 0.15), (0.55, 0.3, 0.7), (0.2, 0.65, 0.7))
 
 XYZ = ("x", "y", "z")
-BLOCK = ObjectType(
-    "block",
-    (
-        Attribute("position", XYZ, "m", -2.0, 3.0),
-        Attribute("rotation", ("rx", "ry", "rz"), "rad", -np.pi, np.pi),
-        Attribute("velocity", ("vx", "vy", "vz"), "m/s", -50.0, 50.0),
-    ),
-    (Attribute("position", XYZ, "m", 0.0, 2.0),),
-)
 ROBOT_TYPE = ObjectType(
     "EE",
     (
@@ -47,11 +43,98 @@ ROBOT_TYPE = ObjectType(
         Attribute("velocity", ("vx", "vy", "vz"), "m/s", -20.0, 20.0),
     ),
 )
+HAND, OPENING, VELOCITY, OBJECTS = slice(0, 3), 3, slice(4, 7), 7
+"""Columns of the robot's attributes, and the first one of the objects."""
+PER_OBJECT, GOAL = 12, 9
+"""Columns of an object and its goal: position, rotation, velocity; then, from the second number on, the goal."""
 
 
-def layout(blocks: int) -> Layout:
-    """Describe the state of a scene: 7 numbers of the end effector, then 9 + 3 of each block and its goal."""
-    return Layout(ROBOT_TYPE, (BLOCK,) * blocks)
+@dataclass(frozen=True)
+class Shape:
+    """A kind of rigid object.
+
+    Args:
+        kind: name of its type.
+        half: half of its extents along x, y and z, m; of a cylinder, whose axis is z: radius, radius, half height.
+        round: whether it is a cylinder.
+        mass: kg.
+    """
+
+    kind: str
+    half: tuple[float, float, float] = (BLOCK_SIZE / 2,) * 3
+    round: bool = False
+    mass: float = 2.0
+
+    @property
+    def geometry(self) -> mujoco.mjtGeom:
+        """Its primitive in MuJoCo."""
+        return mujoco.mjtGeom.mjGEOM_CYLINDER if self.round else mujoco.mjtGeom.mjGEOM_BOX
+
+    @property
+    def size(self) -> tuple[float, float, float]:
+        """What MuJoCo calls its size."""
+        return (self.half[0], self.half[2], 0.0) if self.round else self.half
+
+
+BLOCK = Shape("block")
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What stands on the table, and how the hand is.
+
+    Args:
+        shapes: the objects.
+        pushing: the fingers stay closed and the hand starts at the table, as in FetchPush.
+    """
+
+    shapes: tuple[Shape, ...] = (BLOCK,)
+    pushing: bool = False
+
+    @staticmethod
+    def of_blocks(count: int, *, pushing: bool = False) -> Scene:
+        """Return a scene of equal blocks."""
+        return Scene((BLOCK,) * count, pushing)
+
+
+def object_type(kind: str) -> ObjectType:
+    """Describe objects of one kind: pose and velocity; the position is what goals are given for."""
+    attributes = (
+        Attribute("position", XYZ, "m", -2.0, 3.0),
+        Attribute("rotation", ("rx", "ry", "rz"), "rad", -np.pi, np.pi),
+        Attribute("velocity", ("vx", "vy", "vz"), "m/s", -50.0, 50.0),
+    )
+    return ObjectType(kind, attributes, (Attribute("position", XYZ, "m", 0.0, 2.0),))
+
+
+def layout(scene: Scene) -> Layout:
+    """Describe the state of a scene: 7 numbers of the end effector, then 9 + 3 of each object and its goal."""
+    return Layout(ROBOT_TYPE, tuple(object_type(shape.kind) for shape in scene.shapes))
+
+
+class View(NamedTuple):
+    """States of a Fetch scene by name: views of arrays (..., F), not copies.
+
+    Attributes:
+        hand: (..., 3) position of the end effector, m.
+        opening: (...) distance between the fingers, m.
+        velocity: (..., 3) of the end effector, m/s.
+        blocks: (..., N, 3) positions of the objects, m.
+        goals: (..., N, 3) where they belong, m.
+    """
+
+    hand: FloatArray
+    opening: FloatArray
+    velocity: FloatArray
+    blocks: FloatArray
+    goals: FloatArray
+
+
+def view(states: FloatArray) -> View:
+    """Name the parts of states (..., F)."""
+    objects = states[..., OBJECTS:].reshape(*states.shape[:-1], -1, PER_OBJECT)
+    hand, opening, velocity = states[..., HAND], states[..., OPENING], states[..., VELOCITY]
+    return View(hand, opening, velocity, objects[..., :3], objects[..., GOAL:])
 
 
 def scene_file() -> Path:
@@ -76,19 +159,18 @@ def block_color(index: int) -> tuple[float, float, float, float]:
     return (*COLORS[index % len(COLORS)], 1.0)
 
 
-def _add_block(spec: mujoco.MjSpec, index: int) -> None:
-    """Add a copy of the scene's block, further along the table's near edge."""
-    half = BLOCK_SIZE / 2
-    body = spec.worldbody.add_body(name=f"object{index}", pos=[half, half, half])
+def _add_object(spec: mujoco.MjSpec, index: int, shape: Shape) -> None:
+    """Add an object made as the scene's block, further along the table's near edge."""
+    body = spec.worldbody.add_body(name=f"object{index}", pos=[BLOCK_SIZE / 2] * 3)
     joint = body.add_joint(name=f"object{index}:joint", type=mujoco.mjtJoint.mjJNT_FREE)
     # Linear damping alone: the further numbers are coefficients of the square and the cube of the speed.
     joint.damping[0] = 0.01
     body.add_geom(
         name=f"object{index}",
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[half] * 3,
+        type=shape.geometry,
+        size=shape.size,
         condim=3,
-        mass=2,
+        mass=shape.mass,
         material="block_mat",
     )
     body.add_site(name=f"object{index}", size=[0.02] * 3)
@@ -110,8 +192,8 @@ def _add_sensors(spec: mujoco.MjSpec, blocks: int) -> None:
 
 
 @lru_cache(maxsize=8)
-def base_model(blocks: int) -> mujoco.MjModel:
-    """Compile the scene with the file's own contact model and timing (shared: never change it).
+def base_model(scene: Scene) -> mujoco.MjModel:
+    """Compile a scene with the file's own contact model and timing (shared: never change it).
 
     Departs: from the file in one pair of the robot's own hulls, torso and shoulder, which is not tested for contact.
         They stay 11 mm or more apart wherever the hand works, but MuJoCo 3.9 reports a false contact at isolated
@@ -119,9 +201,13 @@ def base_model(blocks: int) -> mujoco.MjModel:
     """
     spec = mujoco.MjSpec.from_file(str(scene_file()))
     spec.add_exclude(bodyname1="robot0:torso_lift_link", bodyname2="robot0:shoulder_lift_link")
-    for index in range(1, blocks):
-        _add_block(spec, index)
-    _add_sensors(spec, blocks)
+    first = scene.shapes[0]
+    if first != BLOCK:
+        geom = spec.geom("object0")
+        geom.type, geom.size, geom.mass = first.geometry, first.size, first.mass
+    for index, shape in enumerate(scene.shapes[1:], start=1):
+        _add_object(spec, index, shape)
+    _add_sensors(spec, len(scene.shapes))
     model = spec.compile()
     # As gymnasium-robotics does before its first step: the mocap shall coincide with the hand it is welded to.
     model.eq_data[model.eq_type == mujoco.mjtEq.mjEQ_WELD, :7] = [0, 0, 0, 0, 0, 0, 1]
@@ -129,17 +215,17 @@ def base_model(blocks: int) -> mujoco.MjModel:
 
 
 @lru_cache(maxsize=8)
-def fetch_model(blocks: int, contact: str, timing: str) -> mujoco.MjModel:
-    """Return the scene under a contact model ("stable", "paper") and a timing ("faithful", "fast"); shared.
+def fetch_model(scene: Scene, contact: str, timing: str) -> mujoco.MjModel:
+    """Return a scene under a contact model ("stable", "paper") and a timing ("faithful", "fast"); shared.
 
     Raises:
-        TaskError: an unknown contact model or timing, or no block.
+        TaskError: an unknown contact model or timing, or no object.
     """
-    if contact not in CONTACTS or timing not in TIMINGS or blocks < 1:
-        found = f"contact {contact!r}, timing {timing!r}, {blocks} blocks"
+    if contact not in CONTACTS or timing not in TIMINGS or not scene.shapes:
+        found = f"contact {contact!r}, timing {timing!r}, {len(scene.shapes)} objects"
         msg = f"{found}: expected one of {CONTACTS}, one of {tuple(TIMINGS)}, at least 1"
         raise TaskError(msg)
-    model = mujoco.MjModel.__copy__(base_model(blocks))
+    model = mujoco.MjModel.__copy__(base_model(scene))
     if contact == "stable":
         model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         model.opt.impratio = 10
@@ -156,43 +242,46 @@ def joint_column(model: mujoco.MjModel, name: str) -> int:
 
 @dataclass(frozen=True)
 class Start:
-    """The settled scene that every episode starts from; only the blocks' places on the table differ."""
+    """The settled scene that every episode starts from; only the objects' places on the table differ."""
 
     state: FloatArray
     """Integration state."""
     sensors: FloatArray
     grip: FloatArray
     """Position of the end effector (3,), m."""
-    height: float
-    """Height of a resting block's centre, m."""
+    heights: FloatArray
+    """Height of each resting object's centre (N,), m."""
 
 
-def _lay_out(model: mujoco.MjModel, data: mujoco.MjData, blocks: int) -> None:
-    """Set the joints as gymnasium-robotics does; further blocks lie in rows of five beside the first."""
+def _lay_out(data: mujoco.MjData, scene: Scene) -> None:
+    """Set the joints as gymnasium-robotics does; further objects lie in rows of five beside the first."""
     for name, value in (("robot0:slide0", 0.405), ("robot0:slide1", 0.48), ("robot0:slide2", 0.0)):
         data.joint(name).qpos[:] = value
-    for index in range(blocks):
+    for index, shape in enumerate(scene.shapes):
         place = (1.25 + 0.07 * (index % 5), 0.53 + 0.07 * (index // 5))
-        data.joint(f"object{index}:joint").qpos[:] = (*place, 0.4, 1, 0, 0, 0)
+        height = TABLE + shape.half[2] - BLOCK_SIZE / 2
+        data.joint(f"object{index}:joint").qpos[:] = (*place, height, 1, 0, 0, 0)
 
 
 @lru_cache(maxsize=8)
-def settled(blocks: int) -> Start:
-    """Bring the hand to its start above the table, as FetchPickAndPlace-v4 does, with the file's own contacts."""
-    model = base_model(blocks)
+def settled(scene: Scene) -> Start:
+    """Bring the hand to its start, as the environments of gymnasium-robotics do, with the file's own contacts."""
+    model = base_model(scene)
     data = mujoco.MjData(model)
-    _lay_out(model, data, blocks)
+    _lay_out(data, scene)
     mujoco.mj_forward(model, data)
-    data.mocap_pos[0] = data.site("robot0:grip").xpos + np.array([-0.498, 0.005, -0.431 + 0.2])
+    above = PUSHING_HEIGHT if scene.pushing else HEIGHT
+    data.mocap_pos[0] = data.site("robot0:grip").xpos + np.array([-0.498, 0.005, -0.431 + above])
     data.mocap_quat[0] = (1.0, 0.0, 1.0, 0.0)
     mujoco.mj_step(model, data, nstep=10 * TIMINGS["faithful"])
-    grip, height = data.site("robot0:grip").xpos.copy(), float(data.site("object0").xpos[2])
+    grip = data.site("robot0:grip").xpos.copy()
+    heights = np.array([data.site(f"object{index}").xpos[2] for index in range(len(scene.shapes))])
     time, qpos, qvel = data.time, data.qpos.copy(), data.qvel.copy()
     mujoco.mj_resetData(model, data)
     data.time, data.qpos[:], data.qvel[:] = time, qpos, qvel
     mujoco.mj_forward(model, data)
     data.qacc_warmstart[:] = 0
-    return Start(integration_state(model, data), data.sensordata.copy(), grip, height)
+    return Start(integration_state(model, data), data.sensordata.copy(), grip, heights)
 
 
 def euler(quaternions: FloatArray) -> FloatArray:
@@ -224,7 +313,9 @@ class Places:
         self.block_turn: IntArray = sensor + np.arange(3, 7)
 
 
-def control(places: Places, states: FloatArray, sensors: FloatArray, actions: FloatArray) -> FloatArray:
+def control(
+    places: Places, states: FloatArray, sensors: FloatArray, actions: FloatArray, *, pushing: bool = False
+) -> FloatArray:
     """Turn actions into what a control step holds.
 
     Args:
@@ -233,13 +324,14 @@ def control(places: Places, states: FloatArray, sensors: FloatArray, actions: Fl
         sensors: (R, ...) sensor values.
         actions: (R, 4) in [-1, 1]: displacement of the end effector in units of `REACH`; finger command, an offset
             from the fingers' present positions.
+        pushing: the fingers stay closed, whatever is commanded.
 
     Returns:
         (R, 9): finger targets, mocap position, mocap quaternion. The fixed orientation is added to the hand's, as
         gymnasium-robotics does; MuJoCo normalises the sum.
     """
     hand = sensors[:, places.hand]
-    fingers = states[:, places.fingers] + actions[:, 3:]
+    fingers = np.zeros((len(states), 2)) if pushing else states[:, places.fingers] + actions[:, 3:]
     return np.concatenate([fingers, hand[:, :3] + actions[:, :3] * REACH, hand[:, 3:] + (1.0, 0.0, 1.0, 0.0)], axis=1)
 
 

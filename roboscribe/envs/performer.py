@@ -6,12 +6,14 @@ has fallen. Whatever it does, the script goes on from the state in which it leav
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
 
-from roboscribe.envs.block_moves import GAIN, NEAR, OPEN, PINCH
+from roboscribe.envs.fetch import view
+from roboscribe.envs.single_block_demonstrator import GAIN, NEAR, OPEN, PINCH
 from roboscribe.envs.styles import Style
 from roboscribe.world.layout import FloatArray
 
@@ -66,10 +68,10 @@ class Scene:
     @staticmethod
     def of(state: FloatArray) -> Scene:
         """Read a state (F,)."""
-        hand, opening, objects = state[:3], float(state[3]), state[7:].reshape(-1, 12)
-        gaps = np.linalg.norm(objects[:, :3] - hand, axis=1)
-        held = int(gaps.argmin()) if opening < GRIP and gaps.min() < NEAR else -1
-        return Scene(hand, bool(state[6] < 0), opening, objects[:, :3], objects[:, 9:], held)
+        seen = view(state)
+        gaps = np.linalg.norm(seen.blocks - seen.hand, axis=1)
+        held = int(gaps.argmin()) if seen.opening < GRIP and gaps.min() < NEAR else -1
+        return Scene(seen.hand, bool(seen.velocity[2] < 0), float(seen.opening), seen.blocks, seen.goals, held)
 
     @property
     def others(self) -> FloatArray:
@@ -128,11 +130,13 @@ class Performer:
         style: how.
         rng: decides what happens when.
         gives_up: drop a block on the way, and leave it.
+        look: reads a state (F,).
     """
 
     style: Style
     rng: Generator
     gives_up: bool = False
+    look: Callable[[FloatArray], Scene] = Scene.of
     left: bool = False
     """It has given up and gone."""
     _interlude: Interlude | None = None
@@ -156,14 +160,14 @@ class Performer:
         """Alter what the script commands.
 
         Args:
-            state: (F,) of a Fetch scene.
-            scripted: (4,) action in it.
+            state: (F,).
+            scripted: (4,) action in it: displacement of the hand, fingers.
             solved: whether the task is; then nothing new begins.
 
         Returns:
             The action (4,) without noise, and the share of the noise to add.
         """
-        scene = Scene.of(state)
+        scene = self.look(state)
         self._watch(scene)
         if self._interlude is not None and (self._steps == 0 or self._interlude.reached(scene.hand)):
             self.left, self._interlude = self._interlude.last, None

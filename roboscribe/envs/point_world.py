@@ -9,7 +9,7 @@ to end in seconds, with the lookahead controllers below in the place of learned 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from zlib import crc32
 
@@ -21,6 +21,7 @@ from roboscribe.envs.point_demonstrator import demonstrate
 from roboscribe.envs.point_kinematics import TRAVEL, advance
 from roboscribe.reward import reward
 from roboscribe.world.layout import ROBOT, Attribute, BoolArray, FloatArray, IntArray, Layout, ObjectType
+from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
 AT = 0.03
@@ -38,7 +39,7 @@ DRIFT = 0.1
 
 
 @dataclass(frozen=True)
-class PointTask:
+class PointTask(Task):
     """A task in the plane.
 
     Args:
@@ -59,11 +60,12 @@ class PointTask:
     fingers: bool = True
     horizon: int = 100
     frequency: float = 10.0
+    action_size: int = field(init=False)
+    """Displacement along both axes, and fingers (closed above 0) where there are any."""
 
-    @property
-    def action_size(self) -> int:
-        """Displacement along both axes, and fingers (closed above 0) where there are any."""
-        return 3 if self.fingers else 2
+    def __post_init__(self) -> None:
+        """Count the actions."""
+        object.__setattr__(self, "action_size", 3 if self.fingers else 2)
 
     @cached_property
     def layout(self) -> Layout:

@@ -12,16 +12,14 @@ from contextlib import closing
 from pathlib import Path
 from typing import TypeAlias
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from roboscribe.envs import fetch, graphics, schematic
-from roboscribe.envs.engine import INTEGRATION
+from roboscribe.envs import schematic
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import FloatArray, Layout
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Painter, Task
 
 Frame: TypeAlias = NDArray[np.uint8]
 """RGB image (H, W, 3)."""
@@ -52,45 +50,6 @@ def _font() -> ImageFont.FreeTypeFont:
     return ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSansMono.ttf"), 16)
 
 
-class ScenePainter:
-    """Draws Fetch scenes with MuJoCo; goals are translucent spheres in their blocks' colours."""
-
-    def __init__(self, layout: Layout, context: graphics.Context) -> None:
-        """Prepare the scene and the camera."""
-        self._layout = layout
-        self._model = mujoco.MjModel.__copy__(fetch.base_model(len(layout.entities)))
-        self._dress()
-        self._data = mujoco.MjData(self._model)
-        self._size = mujoco.mj_stateSize(self._model, INTEGRATION)
-        self._camera = graphics.Camera(self._model, context, (WIDTH, HEIGHT))
-        view = self._camera.view
-        view.lookat[:] = (1.33, 0.75, 0.6)
-        view.distance, view.azimuth, view.elevation = 1.5, 145.0, -22.0
-
-    def _dress(self) -> None:
-        """Colour the blocks; hide the scene's own markers and the mocap's cross."""
-        model = self._model
-        for index in range(len(self._layout.entities)):
-            geom = model.geom(f"object{index}")
-            geom.matid, geom.rgba = -1, fetch.block_color(index)
-        model.site_rgba[:, 3] = 0
-        model.geom_rgba[model.geom_bodyid == model.body("robot0:mocap").id, 3] = 0
-
-    def __call__(self, state: FloatArray, snapshot: FloatArray) -> Frame:
-        """Draw the snapshot (its first numbers are an integration state) with the goals that the state names."""
-        mujoco.mj_setState(self._model, self._data, np.ascontiguousarray(snapshot[: self._size]), INTEGRATION)
-        mujoco.mj_forward(self._model, self._data)
-        self._camera.aim(self._data)
-        for index in range(len(self._layout.entities)):
-            place = state[self._layout.columns[index, "position", True]]
-            self._camera.add_sphere(place, 0.03, (*fetch.block_color(index)[:3], 0.45))
-        return self._camera.shoot()
-
-    def close(self) -> None:
-        """Give back what the graphics library holds."""
-        self._camera.close()
-
-
 class SchematicPainter:
     """Draws any task's positions without OpenGL."""
 
@@ -107,12 +66,9 @@ class SchematicPainter:
         """Nothing is held."""
 
 
-def painter(layout: Layout) -> ScenePainter | SchematicPainter:
-    """Choose MuJoCo's pictures for Fetch scenes where OpenGL works, the schematic elsewhere."""
-    if layout != fetch.layout(len(layout.entities)):
-        return SchematicPainter(layout)
-    context = graphics.open_context(WIDTH, HEIGHT)
-    return SchematicPainter(layout) if context is None else ScenePainter(layout, context)
+def painter(task: Task) -> Painter:
+    """Return the task's own painter, or the schematic where it has none."""
+    return task.painter(WIDTH, HEIGHT) or SchematicPainter(task.layout)
 
 
 def write_video(frames: Sequence[Frame], out: Path, frequency: float) -> Path:
@@ -162,6 +118,6 @@ def render_rollout(task: Task, states: FloatArray, snapshots: FloatArray, lines:
         raise TaskError(msg)
     shown = [*lines, lines[-1]][: len(states)]
     rows = zip(states, snapshots, shown, strict=True)
-    with closing(painter(task.layout)) as paint:
+    with closing(painter(task)) as paint:
         frames = [caption(paint(state, snapshot), line) for state, snapshot, line in rows]
     return write_video(frames, out, task.frequency)

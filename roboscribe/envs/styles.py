@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from roboscribe.errors import TaskError
@@ -55,15 +56,19 @@ def style_names() -> tuple[str, ...]:
     return (*STYLES, MIXED)
 
 
-def choices(name: str) -> tuple[Style, ...]:
+def choices(name: str, known: Sequence[str] = tuple(STYLES)) -> tuple[Style, ...]:
     """Return the styles of which every episode draws one.
+
+    Args:
+        name: one of `style_names()`.
+        known: styles in which the task can be shown.
 
     Raises:
         TaskError: an unknown name.
     """
     if name == MIXED:
-        return tuple(STYLES.values())
-    if name not in STYLES:
-        msg = f"unknown style {name!r}: expected one of {', '.join(style_names())}"
+        return tuple(style for other, style in STYLES.items() if other in known)
+    if name not in STYLES or name not in known:
+        msg = f"unknown style {name!r}: expected one of {', '.join((*known, MIXED))}"
         raise TaskError(msg)
     return (STYLES[name],)

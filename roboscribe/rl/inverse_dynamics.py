@@ -22,7 +22,7 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import Controller
 from roboscribe.rl.torch_net import mlp, single_thread
 from roboscribe.world.layout import FloatArray, IntArray, Layout
-from roboscribe.world.protocols import World
+from roboscribe.world.task import World
 
 ALL_UNITS = ("m", "rad", "1", "m/s", "rad/s")
 """Units of the attributes that tell which action was taken."""

@@ -22,7 +22,7 @@ from roboscribe.rl.skill import Skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
 from roboscribe.rl.warm_start import Frames, frames_of, joined
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
 USUALLY = 0.95

@@ -14,7 +14,7 @@ from roboscribe.rl.config import PoolConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.subtask import Subtask
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
-from roboscribe.world.protocols import World
+from roboscribe.world.task import World
 
 COUNTS = ("steps", "streak", "limit", "harm", "standing")
 """What a row's attempt in progress is known by."""

@@ -14,7 +14,7 @@ from roboscribe.rl.config import PoolConfig, TrainConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import Controller
 from roboscribe.world.layout import FloatArray, IntArray
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 
 IDLE = -1
 """Rank of the episode of a row that runs none."""

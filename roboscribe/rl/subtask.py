@@ -13,7 +13,7 @@ from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
 from roboscribe.reward import reward
 from roboscribe.rl.config import TrainConfig
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 
 
 @dataclass(frozen=True)

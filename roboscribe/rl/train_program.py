@@ -20,7 +20,7 @@ from roboscribe.rl.setting import SEEDS, Setting
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import Judge, evaluate_skill
 from roboscribe.rl.warm_start import clone_frames, clone_states
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
 ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]

@@ -16,7 +16,7 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import Judge
 from roboscribe.world.layout import FloatArray, IntArray
-from roboscribe.world.protocols import World
+from roboscribe.world.task import World
 from roboscribe.world.trajectory import Trajectory
 
 

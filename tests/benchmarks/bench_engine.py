@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from time import perf_counter, process_time
 
 import numpy as np
-
-from roboscribe.envs import block_moves, tower_moves
 from roboscribe.envs.gym_adapter import make_env, state_of
-from roboscribe.envs.pick_place import PickPlace
+
+from roboscribe.envs import multi_block_demonstrator, single_block_demonstrator
+from roboscribe.envs.tasks.pick_place import PickPlace
 
 ROWS = 64
 STEPS = 40
@@ -58,7 +58,7 @@ def ours(blocks: int, timing: str) -> Turn:
     """Prepare `ROWS` worlds; each call runs one episode of all of them."""
     world = PickPlace("bench", blocks, contact="paper", timing=timing).world(ROWS)
     rows = np.arange(ROWS)
-    command = (tower_moves.SINGLE if blocks == 1 else tower_moves.SERVE).command
+    command = (multi_block_demonstrator.SINGLE if blocks == 1 else multi_block_demonstrator.SERVE).command
 
     def turn() -> tuple[float, float]:
         rng, watch, before = np.random.default_rng(0), Watch(), world.control_steps
@@ -81,7 +81,7 @@ def theirs(episodes: int = 8) -> Turn:
         for seed in range(episodes):
             observation, _ = env.reset(seed=seed)
             for _ in range(STEPS):
-                action = block_moves.command(state_of(observation)[None])[0] + rng.normal(size=4) * NOISE
+                action = single_block_demonstrator.command(state_of(observation)[None])[0] + rng.normal(size=4) * NOISE
                 with watch:
                     observation = env.step(action)[0]
         return watch.speeds(episodes * STEPS)

@@ -25,7 +25,7 @@ from roboscribe.rl.sac import train_sac
 from roboscribe.rl.setting import Setting
 from roboscribe.rl.skill_env import Verdict
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.protocols import World
+from roboscribe.world.task import Task, World
 from roboscribe.world.trajectory import Trajectory
 
 PROGRAM = "def Reach(μ : EE): b := get(λb:block. true); π_hold(μ, b) until ‖μ↓xyz − b↓xyz‖ < 0.033"
@@ -69,7 +69,7 @@ class TimedWorld(World):
         return self.inner.diverged(rows)
 
 
-class TimedTask:
+class TimedTask(Task):
     """Pick&Place-1 with timed worlds."""
 
     def __init__(self, watch: Watch) -> None:

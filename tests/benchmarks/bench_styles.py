@@ -13,7 +13,7 @@ import sys
 import numpy as np
 
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.demonstrator import Episode, Scripted, run, start
+from roboscribe.envs.demonstrator import Episode, ScriptedTask, run, start
 from roboscribe.envs.styles import choices, style_names
 
 TASKS = ("pick-place-1", "pick-place-4", "tower-5")
@@ -23,7 +23,7 @@ SEED = 1
 def attempts(name: str, style: str, count: int) -> list[Episode]:
     """Try to give `count` demonstrations."""
     task = make_task(name)
-    assert isinstance(task, Scripted)
+    assert isinstance(task, ScriptedTask)
     wave = [start(SEED, index, choices(style)) for index in range(count)]
     run(task, task.world(count), wave)
     return wave

@@ -28,6 +28,7 @@ from roboscribe.dsl.syntax import (
 )
 from roboscribe.world import Attribute, Layout, ObjectType, Trajectory
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.task import Task
 
 XYZ = ("x", "y", "z")
 POSITION = Attribute("position", XYZ)
@@ -158,7 +159,7 @@ class Kinematic:
 
 
 @dataclass
-class Stacking:
+class Stacking(Task):
     """A `Task`: every block within 0.05 m of its goal."""
 
     count: int

@@ -7,17 +7,28 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from roboscribe.envs.catalogue import GYM, make_task, task_names
+from roboscribe.envs.catalogue import make_task, task_names
 from roboscribe.envs.styles import DEFAULT, STYLES
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import ROBOT, FloatArray, IntArray
-from roboscribe.world.protocols import Task, World
+from roboscribe.world.task import Task, World
 from roboscribe.world.trajectory import Trajectory
 
 STEPS = 12
 EPISODES = 2
+GYM = "gym:FetchPickAndPlace-v4"
 STAY = STYLES[DEFAULT].after
-NAMES = ("pick-place-1", "pick-place-2", "tower-2", "multitower-4", "pyramid-3", GYM)
+NAMES = (
+    "pick-place-1",
+    "pick-place-2",
+    "tower-2",
+    "multitower-4",
+    "pyramid-3",
+    "push-1",
+    "push-2",
+    "gym:FetchPush-v4",
+    GYM,
+)
 """One of every family, small."""
 
 

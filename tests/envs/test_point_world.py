@@ -137,7 +137,7 @@ def test_a_demonstrator_that_cannot_solve_the_task_says_so() -> None:
 
 
 def test_unknown_names_in_the_plane_are_refused() -> None:
-    with pytest.raises(TaskError, match="unknown task 'point-tower-99': expected one of point-pick-place-1"):
+    with pytest.raises(TaskError, match="unknown task 'point-tower-99': did you mean point-tower-5"):
         make_task("point-tower-99")
 
 

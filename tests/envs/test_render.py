@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from roboscribe.envs import graphics, render
-from roboscribe.envs.pick_place import PickPlace
+from roboscribe.envs.scene_painter import ScenePainter
+from roboscribe.envs.tasks.pick_place import PickPlace
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import Attribute, Layout, ObjectType
 from roboscribe.world.trajectory import Trajectory
@@ -76,8 +77,8 @@ def test_backends_follow_the_users_choice(monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.skipif(not graphics.backends(), reason="no OpenGL library on this machine")
 def test_pictures_show_the_goal_and_the_block(episode: Trajectory) -> None:
     assert episode.snapshots is not None
-    painter = render.painter(TASK.layout)
-    assert isinstance(painter, render.ScenePainter)
+    painter = render.painter(TASK)
+    assert isinstance(painter, ScenePainter)
     here = painter(episode.states[0], episode.snapshots[0]).astype(int)
     away = episode.states[0].copy()
     away[-3:] = (1.4, 0.9, 0.8)
@@ -93,8 +94,8 @@ def test_pictures_show_the_goal_and_the_block(episode: Trajectory) -> None:
 def test_flat_worlds_are_drawn_from_above() -> None:
     place = Attribute("position", ("x", "y"))
     layout = Layout(ObjectType("EE", (place,)), (ObjectType("dot", (place,), (place,)),))
-    one = render.painter(layout)(np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]), np.zeros(0))
-    two = render.painter(layout)(np.array([0.0, 0.0, 1.5, 0.0, 2.0, 2.0]), np.zeros(0))
+    one = render.SchematicPainter(layout)(np.array([0.0, 0.0, 1.0, 1.0, 2.0, 2.0]), np.zeros(0))
+    two = render.SchematicPainter(layout)(np.array([0.0, 0.0, 1.5, 0.0, 2.0, 2.0]), np.zeros(0))
     assert one.shape == (render.HEIGHT, render.WIDTH, 3)
     assert (one != two).any()
 

@@ -9,15 +9,15 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from roboscribe.envs import block_moves, demonstrator, tower_moves
+from roboscribe.envs import demonstrator, multi_block_demonstrator, single_block_demonstrator
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.demonstrator import Episode, Scripted, demonstrate
+from roboscribe.envs.demonstrator import Episode, ScriptedTask, demonstrate
 from roboscribe.envs.performer import NEAR, PAUSE
 from roboscribe.envs.styles import DEFAULT, MIXED, STYLES, choices, style_names
 from roboscribe.errors import TaskError
 from roboscribe.io.validation import Screened, screen
 from roboscribe.world.layout import BoolArray, FloatArray
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 from stages.collect import Config, collect
 from stages.settings import encode
@@ -28,9 +28,9 @@ HAND, BLOCK, GOAL = slice(0, 3), slice(7, 10), slice(16, 19)
 
 
 @lru_cache
-def task(name: str = "pick-place-1") -> Scripted:
+def task(name: str = "pick-place-1") -> ScriptedTask:
     known = make_task(name)
-    assert isinstance(known, Scripted)
+    assert isinstance(known, ScriptedTask)
     return known
 
 
@@ -93,8 +93,8 @@ def test_the_default_is_the_script_with_noise() -> None:
     found = task().demonstrate(1, seed=7)[0]
     assert found.actions is not None
     for action in found.actions:
-        noise = 0.7 * noise + np.sqrt(1 - 0.7**2) * (rng.normal(size=4) * tower_moves.SPREAD)
-        wanted = np.clip(block_moves.command(states[-1])[0] + noise, -1.0, 1.0)
+        noise = 0.7 * noise + np.sqrt(1 - 0.7**2) * (rng.normal(size=4) * multi_block_demonstrator.SPREAD)
+        wanted = np.clip(single_block_demonstrator.command(states[-1])[0] + noise, -1.0, 1.0)
         assert (wanted == action).all()
         states.append(world.step(row, wanted[None]))
     assert (np.concatenate(states) == found.states).all()

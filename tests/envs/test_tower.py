@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from roboscribe.envs import demonstrator, tower_layout, tower_moves
+from roboscribe.envs import block_layouts, demonstrator, multi_block_demonstrator
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import TaskError
 from roboscribe.evidence import Evidence
 from roboscribe.world.layout import FloatArray
-from roboscribe.world.protocols import Task
+from roboscribe.world.task import Task
 
 NAMES = ("pick-place-4", "tower-5", "tower-10", "multitower-5", "multitower-8", "pyramid-4", "pyramid-9")
 TABLE = 0.4249
@@ -138,7 +138,7 @@ def test_what_cannot_be_built_is_refused(name: str) -> None:
 
 
 def test_too_many_blocks_find_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tower_layout, "RESTARTS", 5)
+    monkeypatch.setattr(block_layouts, "RESTARTS", 5)
     with pytest.raises(TaskError, match="no room"):
         make_task("pick-place-30").world(1).reset(ROW, ROW)
 
@@ -165,7 +165,7 @@ def test_several_blocks_rest() -> None:
 @pytest.mark.parametrize("name", ["pick-place-4", "tower-4"])
 def test_the_demonstrator_succeeds(name: str) -> None:
     task = make_task(name)
-    assert isinstance(task, demonstrator.Scripted)
+    assert isinstance(task, demonstrator.ScriptedTask)
     wave = [demonstrator.start(3, index) for index in range(20)]
     demonstrator.run(task, task.world(20), wave)
     assert np.mean([episode.succeeded for episode in wave]) >= 0.95
@@ -174,23 +174,23 @@ def test_the_demonstrator_succeeds(name: str) -> None:
 def test_the_demonstrator_has_no_memory() -> None:
     states = make_task("tower-2").demonstrate(1, seed=0)[0].states
     order = np.random.default_rng(0).permutation(len(states))
-    command = tower_moves.BUILD.command
+    command = multi_block_demonstrator.BUILD.command
     assert (command(states)[order] == command(states[order])).all()
 
 
 def test_blocks_are_served_from_below() -> None:
     state = starts(make_task("tower-4"), 1)
     nothing = np.zeros((1, 4), dtype=np.bool_)
-    assert tower_moves.due(nothing, goals(state), keep_last=False)[0] == goals(state)[0, :, 2].argmin()
+    assert multi_block_demonstrator.due(nothing, goals(state), keep_last=False)[0] == goals(state)[0, :, 2].argmin()
     lower = np.array([[True, False, True, True]])
-    assert tower_moves.due(lower, goals(state), keep_last=False)[0] == 1
+    assert multi_block_demonstrator.due(lower, goals(state), keep_last=False)[0] == 1
 
 
 def test_the_last_block_is_kept_and_the_others_come_in_order() -> None:
     state = starts(make_task("pick-place-4"), 1)
     for done, expected in (([0, 0, 0, 0], 0), ([1, 0, 0, 1], 1), ([1, 1, 1, 0], 3), ([1, 1, 1, 1], 3)):
         flags = np.array([done], dtype=np.bool_)
-        assert tower_moves.due(flags, goals(state), keep_last=True)[0] == expected
+        assert multi_block_demonstrator.due(flags, goals(state), keep_last=True)[0] == expected
 
 
 @pytest.mark.parametrize("name", ["tower-3", "pick-place-4"])
@@ -210,11 +210,11 @@ def test_fingers_open_before_the_hand_leaves_a_block() -> None:
     top = goals(state)[:, 2].argmax()
     state[:3] = goals(state)[top]
     state[3] = 0.048
-    closed = tower_moves.BUILD.command(state[None])[0]
+    closed = multi_block_demonstrator.BUILD.command(state[None])[0]
     assert np.abs(closed[:3]).max() == 0
     assert closed[3] > 0
     state[3] = 0.1
-    opened = tower_moves.BUILD.command(state[None])[0]
+    opened = multi_block_demonstrator.BUILD.command(state[None])[0]
     assert opened[2] == 1, "straight up"
     assert np.abs(opened[:2]).max() == 0
 
@@ -224,6 +224,6 @@ def test_a_slipped_block_is_picked_again() -> None:
     state = built(task)
     low = goals(state)[:, 2].argmin()
     state[7 + 12 * low] += 0.12
-    done = tower_moves.placed(state[None, :3], state[None, 3], blocks(state[None]), goals(state[None]))
+    done = multi_block_demonstrator.placed(state[None, :3], state[None, 3], blocks(state[None]), goals(state[None]))
     assert done[0].tolist() == [index != low for index in range(2)]
-    assert tower_moves.due(done, goals(state[None]), keep_last=False)[0] == low
+    assert multi_block_demonstrator.due(done, goals(state[None]), keep_last=False)[0] == low

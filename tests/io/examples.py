@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from roboscribe.io import atomic, write_demonstrations
 from roboscribe.world import Attribute, Layout, ObjectType, Trajectory, World
 from roboscribe.world.layout import BoolArray, FloatArray
+from roboscribe.world.task import Task
 
 POSITION = Attribute("position", ("x", "y", "z"), "m", -2.0, 2.0)
 ROBOT = ObjectType("robot", (POSITION, Attribute("opening", ("opening",), "m", 0.0, 0.08)))
@@ -35,7 +36,7 @@ G1, G2 = (LAYOUT.columns[i, "position", True] for i in (0, 1))
 
 
 @dataclass(frozen=True)
-class Carry:
+class Carry(Task):
     """Bring both boxes within 5 cm of their goals."""
 
     name: str = "carry-2"

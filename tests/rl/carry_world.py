@@ -9,6 +9,7 @@ import numpy as np
 from roboscribe.dsl.syntax import Const, Diff, Get, Goal, Less, Norm, Program, Proj, Robot, Run, Seq, Truth, Var
 from roboscribe.world import Attribute, Layout, ObjectType, Trajectory
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.task import Task
 
 PLANE = Attribute("position", ("x", "y"))
 STEP, REACH, NEAR, THERE = 0.05, 0.04, 0.04, 0.05
@@ -74,7 +75,7 @@ class CarryWorld:
 
 
 @dataclass(frozen=True)
-class Carry:
+class Carry(Task):
     blocks: int = 1
     name: str = "carry"
     action_size: int = 2

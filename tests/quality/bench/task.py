@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roboscribe.world.layout import ROBOT, Attribute, BoolArray, FloatArray, Layout, ObjectType
+from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 from tests.quality.bench.data import UNITS, Aim, Kind, Phase
 
@@ -20,7 +21,7 @@ HORIZON = 2000
 
 
 @dataclass(frozen=True)
-class KinematicTask:
+class KinematicTask(Task):
     """A task of the bench, with its demonstrators and its answer.
 
     Args:

@@ -37,11 +37,15 @@ class Room:
         side: nothing stands within both of these distances along x and y of a block's start or a goal on the table, m.
         stack: no block starts within both of these distances of a goal, m.
         gap: no block starts within this distance of a goal, m.
+        apart: blocks start farther than this from each other, m.
+        goals: goals on the table are farther than this from each other, m.
     """
 
     side: tuple[float, float]
     stack: tuple[float, float]
     gap: float = GOAL_GAP
+    apart: float = BLOCK_GAP
+    goals: float = GOAL_GAP
 
 
 FINGERS = (0.042, 0.095)
@@ -52,6 +56,10 @@ STACK = Room(FINGERS, (0.078, 0.102), 0.09)
 """Palm and wrist find room beside a stack, too."""
 CROWDED = Room((0.0, 0.0), (0.0, 0.0))
 """Distances alone; some blocks cannot be picked where they are."""
+PUSH = Room((0.0, 0.0), (0.0, 0.0), 0.08, 0.10, 0.10)
+"""A block at its goal touches none that has not been pushed yet."""
+PUSH_CROWDED = Room((0.0, 0.0), (0.0, 0.0), 0.05, 0.10, 0.10)
+"""Distances of the pushing task of the paper."""
 Goals = Callable[[Generator, int, Room], FloatArray | None]
 """Draws N goals (N, 3) relative to the hand's place at the height of a resting block; None: no room, try again."""
 
@@ -117,7 +125,7 @@ def draw(rng: Generator, origin: FloatArray, count: int, goals: Goals, room: Roo
         wanted = goals(rng, count, room)
         if wanted is not None:
             barred = partial(_barred, wanted[:, :2], room)
-            places = scatter(rng, count, BLOCK_GAP, room.side, barred)
+            places = scatter(rng, count, room.apart, room.side, barred)
             if places is not None:
                 return origin[:2] + places, origin + wanted
     msg = f"{count} blocks and their goals find no room on the table: ask for fewer"
@@ -132,13 +140,16 @@ def _barred(goals: FloatArray, room: Room, points: FloatArray) -> BoolArray:
 
 def on_table(rng: Generator, count: int, room: Room) -> FloatArray | None:
     """Goals on the table; the last one in the air half of the time, 0.1 m to 0.45 m up."""
-    places = scatter(rng, count, GOAL_GAP, room.side)
-    if places is None:
-        return None
-    heights = np.zeros((count, 1))
-    if rng.uniform() < 0.5:
-        heights[-1] = rng.uniform(0.1, 0.45)
-    return np.hstack([places, heights])
+    goals = flat(rng, count, room)
+    if goals is not None and rng.uniform() < 0.5:
+        goals[-1, 2] = rng.uniform(0.1, 0.45)
+    return goals
+
+
+def flat(rng: Generator, count: int, room: Room) -> FloatArray | None:
+    """Goals on the table."""
+    places = scatter(rng, count, room.goals, room.side)
+    return None if places is None else np.hstack([places, np.zeros((count, 1))])
 
 
 def tower(rng: Generator, count: int, room: Room) -> FloatArray | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from roboscribe.envs.fetch import view
 from roboscribe.world.layout import BoolArray, FloatArray
 
 GAIN = 16.0
@@ -47,7 +48,8 @@ def command(states: FloatArray) -> FloatArray:
     Returns:
         (R, 4) actions in [-1, 1].
     """
-    hand, opening, block, goal = states[:, :3], states[:, 3], states[:, 7:10], states[:, 16:19]
+    hand, opening, _, blocks, goals = view(states)
+    block, goal = blocks[:, 0], goals[:, 0]
     around = np.linalg.norm(block - hand, axis=1) < NEAR
     closed = ramp(-opening, -GRIP - 0.003, -GRIP)[:, None]
     carry = closed * _route(block, goal, TIP_GOAL, LOW_CARRY)

@@ -1,54 +1,34 @@
-"""Pick&Place: carry every block to its goal; the last block's goal may be in the air."""
+"""Tasks at the Fetch robot's table: B scenes at once, success, demonstrations and pictures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
+import mujoco
 import numpy as np
 from numpy.random import Generator
 
-from roboscribe.envs import demonstrator, fetch, tower_layout, tower_moves
+from roboscribe.envs import fetch
+from roboscribe.envs.demonstrator import ScriptedTask
 from roboscribe.envs.engine import Engine
-from roboscribe.envs.tower_layout import HAND_GAP, RANGE
+from roboscribe.envs.scene_painter import Marker, ScenePainter, Viewpoint
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.protocols import World
-from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.task import World
 
-LIFT = 0.45
-"""Greatest height of a goal above a resting block, m."""
 TOLERANCE = 0.05
-"""A block is at its goal when their centres are closer than this, m."""
-
-Sampler = Callable[[Generator, fetch.Start, int], tuple[FloatArray, FloatArray]]
-"""Draws the blocks' places (N, 2) and their goals (N, 3)."""
-
-
-def sample(crowded: bool, rng: Generator, start: fetch.Start, blocks: int) -> tuple[FloatArray, FloatArray]:
-    """Draw an episode: blocks 0.10 m or more from the hand, goals apart, the last one in the air half of the time.
-
-    Source: FetchPickAndPlace-v4 for one block; Sec. 6 for several.
-    """
-    if blocks > 1:
-        origin = np.array([*start.grip[:2], start.height])
-        room = tower_layout.CROWDED if crowded else tower_layout.TABLE
-        return tower_layout.draw(rng, origin, blocks, tower_layout.on_table, room)
-    place = start.grip[:2] + rng.uniform(-RANGE, RANGE, size=(1, 2))
-    while np.linalg.norm(place - start.grip[:2]) < HAND_GAP:
-        place = start.grip[:2] + rng.uniform(-RANGE, RANGE, size=(1, 2))
-    goal = np.append(start.grip[:2] + rng.uniform(-RANGE, RANGE, size=2), start.height)
-    if rng.uniform() < 0.5:
-        goal[2] += rng.uniform(0.0, LIFT)
-    return place, goal[None]
+"""An object is at its goal when their centres are closer than this, m."""
+VIEWPOINT = Viewpoint((1.33, 0.75, 0.5), 1.35, 145.0, -24.0)
+"""Where a camera sees the table."""
+GOAL_RADIUS, GOAL_OPACITY = 0.03, 0.45
 
 
-def solved(states: FloatArray, blocks: int) -> BoolArray:
-    """Tell whether every block is closer than `TOLERANCE` to its goal; states (..., F), returns (...)."""
-    objects = states[..., 7:].reshape(*states.shape[:-1], blocks, 12)
-    gaps = np.linalg.norm(objects[..., :3] - objects[..., 9:], axis=-1)
-    reached: BoolArray = (gaps < TOLERANCE).all(axis=-1)
+def at_goals(states: FloatArray) -> BoolArray:
+    """Tell whether every object is closer than `TOLERANCE` to its goal; states (..., F), returns (...)."""
+    seen = fetch.view(states)
+    reached: BoolArray = (np.linalg.norm(seen.blocks - seen.goals, axis=-1) < TOLERANCE).all(axis=-1)
     return reached
 
 
@@ -66,16 +46,16 @@ def checked(rows: IntArray, actions: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class PickPlace:
-    """The task of carrying N blocks to their goals.
+class FetchTask(ScriptedTask):
+    """What all tasks at the Fetch robot's table have in common.
 
     Args:
         name: name in the catalogue.
-        blocks: N.
+        blocks: N, the number of objects.
         contact: "stable" or "paper".
         timing: "faithful" (20 x 2 ms) or "fast" (10 x 4 ms).
         horizon: control steps of an episode.
-        crowded: blocks may start where fingers find no room beside them.
+        crowded: objects may start where fingers find no room beside them.
     """
 
     name: str
@@ -87,27 +67,49 @@ class PickPlace:
     frequency: float = fetch.FREQUENCY
     crowded: bool = False
 
+    @property
+    def scene(self) -> fetch.Scene:
+        """What stands on the table."""
+        return fetch.Scene.of_blocks(self.blocks)
+
     @cached_property
     def layout(self) -> Layout:
         """Meaning of a state's columns."""
-        return fetch.layout(self.blocks)
+        return fetch.layout(self.scene)
+
+    @abstractmethod
+    def sample(self, rng: Generator, start: fetch.Start) -> tuple[FloatArray, FloatArray]:
+        """Draw an episode: the objects' places (N, 2) and their goals (N, 3), m."""
 
     def solved(self, states: FloatArray) -> BoolArray:
-        """ψ_R: every block closer than `TOLERANCE` to its goal; states (..., F), returns (...)."""
-        return solved(states, self.blocks)
+        """ψ_R: every object closer than `TOLERANCE` to its goal; states (..., F), returns (...)."""
+        return at_goals(states)
 
     def world(self, batch: int) -> FetchWorld:
         """Build a world of `batch` rows."""
-        return FetchWorld(self, batch, partial(sample, self.crowded))
+        return FetchWorld(self, batch)
 
-    @property
-    def script(self) -> demonstrator.Script:
-        """What the demonstrator does."""
-        return tower_moves.SINGLE if self.blocks == 1 else tower_moves.SERVE
+    def painter(self, width: int, height: int) -> ScenePainter | None:
+        """Draw the scene by MuJoCo, with the goals as translucent spheres; None without OpenGL."""
+        return ScenePainter.opened(picture(self.scene), VIEWPOINT, goal_markers, (width, height))
 
-    def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
-        """Collect `episodes` successful noisy demonstrations; episode i of a seed does not depend on `episodes`."""
-        return demonstrator.collect(self, episodes, seed)
+
+def picture(scene: fetch.Scene) -> mujoco.MjModel:
+    """Return a scene to draw: the objects in their colours, the scene's own markers and the mocap's cross hidden."""
+    model = mujoco.MjModel.__copy__(fetch.base_model(scene))
+    for index in range(len(scene.shapes)):
+        geom = model.geom(f"object{index}")
+        geom.matid, geom.rgba = -1, fetch.block_color(index)
+    model.site_rgba[:, 3] = 0
+    model.geom_rgba[model.geom_bodyid == model.body("robot0:mocap").id, 3] = 0
+    return model
+
+
+def goal_markers(state: FloatArray) -> list[Marker]:
+    """Mark the goals that a state (F,) names, in their objects' colours."""
+    colors = (fetch.block_color(index)[:3] for index in range(len(fetch.view(state).goals)))
+    pairs = zip(fetch.view(state).goals, colors, strict=True)
+    return [Marker(place, GOAL_RADIUS, (*color, GOAL_OPACITY)) for place, color in pairs]
 
 
 class FetchWorld(World):
@@ -116,28 +118,27 @@ class FetchWorld(World):
     Args:
         task: scene and options.
         batch: B.
-        sampler: draws starts and goals.
         threads: simulation threads.
     """
 
-    def __init__(self, task: PickPlace, batch: int, sampler: Sampler, threads: int = 2) -> None:
+    def __init__(self, task: FetchTask, batch: int, threads: int = 2) -> None:
         """Build the engine; no row holds a state yet."""
-        model = fetch.fetch_model(task.blocks, task.contact, task.timing)
+        model = fetch.fetch_model(task.scene, task.contact, task.timing)
+        self.task = task
         self.batch = batch
         self.control_steps = 0
         self.engine = Engine(model, batch, fetch.TIMINGS[task.timing], threads)
-        self._blocks = task.blocks
-        self._sampler = sampler
-        self._places = fetch.Places(model, task.blocks)
-        self._start = fetch.settled(task.blocks)
-        self._goals = np.full((batch, task.blocks, 3), np.nan)
+        count = len(task.scene.shapes)
+        self._places = fetch.Places(model, count)
+        self._start = fetch.settled(task.scene)
+        self._goals = np.full((batch, count, 3), np.nan)
 
     def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
         """Start episodes: row `rows[i]` gets the initial state that `seeds[i]` alone decides. Returns (R, F)."""
         states = np.repeat(self._start.state[None], len(rows), axis=0)
         sensors = np.repeat(self._start.sensors[None], len(rows), axis=0)
         for i, (row, seed) in enumerate(zip(rows, seeds, strict=True)):
-            places, self._goals[row] = self._sampler(np.random.default_rng(int(seed)), self._start, self._blocks)
+            places, self._goals[row] = self.task.sample(np.random.default_rng(int(seed)), self._start)
             states[i, self._places.block_xy] = places
             sensors[i, self._places.block_site[:, :2]] = places
         self.engine.put(rows, states, sensors)
@@ -152,7 +153,8 @@ class FetchWorld(World):
         actions = checked(rows, actions)
         self.control_steps += int((~self.engine.failed[rows]).sum())
         states, sensors = self.engine.states[rows], self.engine.sensors[rows]
-        self.engine.step(rows, fetch.control(self._places, states, sensors, actions))
+        command = fetch.control(self._places, states, sensors, actions, pushing=self.task.scene.pushing)
+        self.engine.step(rows, command)
         return self.observe(rows)
 
     def observe(self, rows: IntArray) -> FloatArray:
@@ -174,11 +176,10 @@ class FetchWorld(World):
         Raises:
             TaskError: the snapshots are of another scene.
         """
-        width = self.engine.snapshot_size + self._goals[0].size
-        if snapshots.shape != (len(rows), width):
-            msg = f"snapshots of shape {snapshots.shape}: expected {(len(rows), width)} for {self._blocks} blocks"
+        split, count = self.engine.snapshot_size, self._goals.shape[1]
+        if snapshots.shape != (len(rows), split + 3 * count):
+            msg = f"snapshots of shape {snapshots.shape}: expected {(len(rows), split + 3 * count)} for {count} blocks"
             raise TaskError(msg)
-        split = self.engine.snapshot_size
         self.engine.load(rows, snapshots[:, :split])
         self._goals[rows] = snapshots[:, split:].reshape(len(rows), -1, 3)
         return self.observe(rows)

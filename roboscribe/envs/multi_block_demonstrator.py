@@ -11,10 +11,10 @@ from functools import partial
 
 import numpy as np
 
-from roboscribe.envs import block_moves
-from roboscribe.envs.block_moves import HOVER, NEAR, PINCH, ramp
+from roboscribe.envs import single_block_demonstrator
 from roboscribe.envs.demonstrator import Script
-from roboscribe.envs.fetch import BLOCK_SIZE
+from roboscribe.envs.fetch import BLOCK_SIZE, view
+from roboscribe.envs.single_block_demonstrator import HOVER, NEAR, PINCH, ramp
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 GAIN = 16.0
@@ -86,9 +86,7 @@ def command(keep_last: bool, states: FloatArray, clear: float = CLEAR) -> FloatA
     Returns:
         (R, 4) actions in [-1, 1].
     """
-    hand, opening = states[:, :3], states[:, 3]
-    objects = states[:, 7:].reshape(len(states), -1, 12)
-    blocks, goals = objects[..., :3], objects[..., 9:]
+    hand, opening, _, blocks, goals = view(states)
     done = placed(hand, opening, blocks, goals)
     index, row = due(done, goals, keep_last), np.arange(len(states))
     block, goal = blocks[row, index], goals[row, index]
@@ -104,8 +102,8 @@ def command(keep_last: bool, states: FloatArray, clear: float = CLEAR) -> FloatA
 
 def calm(states: FloatArray) -> FloatArray:
     """Share (R,) of the noise that is applied: less around a block, where it would drag it along."""
-    blocks = states[:, 7:].reshape(len(states), -1, 12)[..., :3]
-    nearest = np.linalg.norm(blocks - states[:, None, :3], axis=2).min(axis=1)
+    seen = view(states)
+    nearest = np.linalg.norm(seen.blocks - seen.hand[:, None], axis=2).min(axis=1)
     return CALM + (1 - CALM) * ramp(nearest, 0.04, 0.08)
 
 
@@ -151,7 +149,9 @@ def _leave(
     return np.where(inside.any(axis=1)[:, None], straight, move)
 
 
-SINGLE = Script(block_moves.command, partial(command, True, clear=HIGH), SPREAD, lambda states: np.ones(len(states)))
+SINGLE = Script(
+    single_block_demonstrator.command, partial(command, True, clear=HIGH), SPREAD, lambda states: np.ones(len(states))
+)
 """Carry a single block to its goal and hold it."""
 SERVE = Script(partial(command, True), partial(command, True, clear=HIGH), SPREAD, calm)
 """Carry the blocks to their goals one after the other and hold the last."""

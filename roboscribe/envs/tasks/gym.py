@@ -1,35 +1,42 @@
-"""The unmodified FetchPickAndPlace-v4 of gymnasium-robotics as a task: an outside check on everything learned here."""
+"""Unmodified environments of gymnasium-robotics as tasks: an outside check on everything learned here."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import mujoco
 import numpy as np
 
-from roboscribe.envs import demonstrator, fetch, pick_place, tower_moves
+from roboscribe.envs import fetch, multi_block_demonstrator, push_demonstrator
+from roboscribe.envs.catalogue import Request, register
+from roboscribe.envs.demonstrator import Script, ScriptedTask
 from roboscribe.envs.engine import INTEGRATION, integration_state
+from roboscribe.envs.fetch_world import at_goals, checked
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.protocols import World
-from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.task import World
 
 if TYPE_CHECKING:
     import gymnasium
 
 CONTROL_STEP = 1 / fetch.FREQUENCY
 HAND = "robot0:gripper_link"
+PREFIX = "gym:"
 
 
-def make_env(horizon: int) -> gymnasium.Env[dict[str, FloatArray], FloatArray]:
-    """Build the environment with its own time limit moved to `horizon` control steps."""
+def make_env(name: str, horizon: int) -> gymnasium.Env[dict[str, FloatArray], FloatArray]:
+    """Build an environment with its own time limit moved to `horizon` control steps.
+
+    Raises:
+        TaskError: there is no such environment.
+    """
     import gymnasium
     import gymnasium_robotics  # prints a notice when it is imported, which has no place in a list of tasks
 
     gymnasium.register_envs(gymnasium_robotics)
-    return gymnasium.make("FetchPickAndPlace-v4", max_episode_steps=horizon, disable_env_checker=True)
+    return gymnasium.make(name, max_episode_steps=horizon, disable_env_checker=True)
 
 
 def state_of(observation: dict[str, FloatArray]) -> FloatArray:
@@ -46,48 +53,67 @@ def state_of(observation: dict[str, FloatArray]) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class GymFetch:
-    """FetchPickAndPlace-v4, asked the same question as `pick-place-1`."""
+class GymFetch(ScriptedTask):
+    """An environment of the Fetch robot with one block, asked the same question as our task of one block.
+
+    Args:
+        name: name in the catalogue.
+        scripted: what solves it.
+        horizon: control steps of an episode.
+    """
 
     name: str
+    scripted: Script
     horizon: int = 100
     action_size: int = 4
     frequency: float = fetch.FREQUENCY
+    most_rows: ClassVar[int] = 8
+
+    @property
+    def environment(self) -> str:
+        """Its name in Gymnasium."""
+        return self.name.removeprefix(PREFIX)
 
     @cached_property
     def layout(self) -> Layout:
         """Meaning of a state's columns."""
-        return fetch.layout(1)
+        return fetch.layout(fetch.Scene())
 
     def solved(self, states: FloatArray) -> BoolArray:
-        """ψ_R of Pick&Place with one block: states (..., F), returns (...)."""
-        return pick_place.solved(states, 1)
+        """ψ_R: the block at its goal; states (..., F), returns (...)."""
+        return at_goals(states)
 
     def world(self, batch: int) -> GymWorld:
         """Build a world of `batch` environments."""
-        return GymWorld(batch, self.horizon)
+        return GymWorld(self, batch)
 
     @property
-    def script(self) -> demonstrator.Script:
+    def script(self) -> Script:
         """What the demonstrator does."""
-        return tower_moves.SINGLE
+        return self.scripted
 
-    def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
-        """Collect noisy scripted demonstrations in this environment."""
-        return demonstrator.collect(self, episodes, seed)
+
+SCRIPTS = {"FetchPickAndPlace-v4": multi_block_demonstrator.SINGLE, "FetchPush-v4": push_demonstrator.PUSH}
+"""What solves each environment."""
+
+
+@register(*(PREFIX + name for name in SCRIPTS))
+def gym_fetch(request: Request) -> GymFetch:
+    """Make a task of an environment of gymnasium-robotics."""
+    return GymFetch(request.name, SCRIPTS[request.name.removeprefix(PREFIX)])
 
 
 class Row:
     """One environment, its last state, and whether it left physics."""
 
-    def __init__(self, horizon: int) -> None:
+    def __init__(self, task: GymFetch) -> None:
         """Build the environment."""
-        self.env = make_env(horizon)
+        self.env = make_env(task.environment, task.horizon)
         # The adapter needs the simulation behind the environment's interface: its attributes are not typed there.
         inner: Any = self.env.unwrapped
         self.inner = inner
         self.hand = int(inner.model.body(HAND).id)
-        self.state_size = fetch.layout(1).size
+        self.state_size = task.layout.size
         self.state = np.empty(0)
         self.failed = False
 
@@ -132,11 +158,11 @@ class Row:
 class GymWorld(World):
     """B environments in a loop; a row's environment is built when the row is first used."""
 
-    def __init__(self, batch: int, horizon: int) -> None:
+    def __init__(self, task: GymFetch, batch: int) -> None:
         """Remember the size; no environment exists yet."""
         self.batch = batch
         self.control_steps = 0
-        self._horizon = horizon
+        self._task = task
         self._rows: dict[int, Row] = {}
 
     def _row(self, row: int) -> Row:
@@ -153,7 +179,7 @@ class GymWorld(World):
     def _ready(self, row: int) -> Row:
         """Return a row, building its environment if need be."""
         if int(row) not in self._rows:
-            self._rows[int(row)] = Row(self._horizon)
+            self._rows[int(row)] = Row(self._task)
             self._rows[int(row)].reset(0)
         return self._rows[int(row)]
 
@@ -165,7 +191,7 @@ class GymWorld(World):
 
     def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
         """Apply `actions` (R, 4), clipped to [-1, 1]. Returns (R, F)."""
-        for row, action in zip(rows, pick_place.checked(rows, actions), strict=True):
+        for row, action in zip(rows, checked(rows, actions), strict=True):
             one = self._row(row)
             if not one.failed:
                 one.step(action)
