@@ -157,6 +157,32 @@ def synthesize(
 
 
 @app.command()
+def adapt(
+    program: ProgramName,
+    demos: Annotated[Path, typer.Option(help="demonstrations of the order that is wanted, in Parquet")],
+    out: Annotated[Path, typer.Option("--out", help="directory for the adapted program")],
+    task: Annotated[str | None, typer.Option(help="the task that they show; left out: what the file says")] = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Learn only the guards of a program's loops again, from demonstrations of another order."""
+    from pipelines.adapting import adapt_saved, save
+    from pipelines.home import Home
+    from pipelines.programs import program_directory
+    from roboscribe.errors import Fail
+
+    _make_room(out)
+    with program_directory(program, Home(home).mlruns) as directory:
+        adaptation = adapt_saved(directory, demos, task)
+        if isinstance(adaptation, Fail):
+            _say(f"FAIL: {adaptation.reason}")
+            raise typer.Exit(FAIL)
+        save(adaptation, out, directory)
+    for old, new in adaptation.adapted.guards:
+        _say(f"old guard: {old}\nnew guard: {new}")
+    _say(f"program {out}, for {adaptation.task}; no control step was taken, evaluate measures it")
+
+
+@app.command()
 def evaluate(
     program: ProgramName,
     task: TaskOption = None,

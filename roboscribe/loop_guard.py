@@ -190,7 +190,8 @@ def loop_examples(evidence: Evidence, phi: Predicate, name: str) -> Examples:
 
     Segment S_i ends when e_i first satisfies φ and begins where S_{i-1} ended. Entities that satisfy φ from the
     start are never handled; one that never satisfies φ is being handled when the demonstration ends; demonstrations
-    in which several do not show nothing and are left out.
+    in which several do not show nothing and are left out. Where what was done is undone again, by a push in passing,
+    the entity is no example.
 
     Source: Algorithm 6, lines 3-12.
     """
@@ -202,7 +203,8 @@ def loop_examples(evidence: Evidence, phi: Predicate, name: str) -> Examples:
     lengths = [n if max(f) < NEVER else 0 for n, f in zip(counts.tolist(), first.T, strict=True)]
     parts = [_label(*shown, members) for shown in zip(evidence.starts, lengths, first.T, strict=True)]
     frames, entities, positive, done, choice = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Examples(evidence.states, frames, entities, positive, done, choice)
+    examples = Examples(evidence.states, frames, entities, positive, done, choice)
+    return examples[~done | holds(phi, examples.states, {name: entities}, evidence.layout, evidence.solved)]
 
 
 def _label(

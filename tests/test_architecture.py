@@ -28,6 +28,7 @@ LAYERS = {
     "steps": TREE | {"program_gen", "classifier"},
     "best_first": TREE | {"classifier", "steps"},
     "synthesize": TREE | {"classifier", "steps", "best_first"},
+    "adapt": TREE | {"loop_guard"},
     "envs": LANGUAGE | {"reward"},
     "rl": LANGUAGE | {"reward"},
     "baselines": LANGUAGE | {"reward", "rl"},

@@ -11,14 +11,14 @@ from numpy.random import Generator
 
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.rewrite import controllers as runs_of
-from roboscribe.dsl.rewrite import run_variables
+from roboscribe.dsl.rewrite import free_vars, run_variables, walk
 from roboscribe.dsl.rollouts import Episode, Rollouts, Tape, gather
 from roboscribe.dsl.semantics import SolvedTest, holds
-from roboscribe.dsl.syntax import Program, Run
+from roboscribe.dsl.syntax import Get, Predicate, Program, Run, While
 from roboscribe.errors import ProgramError
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
 from roboscribe.world.task import Task, World
-from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.trajectory import NEVER, Trajectory
 
 __all__ = ["Controller", "Machine", "Rollouts", "Segment", "execute", "segment"]
 
@@ -190,6 +190,43 @@ class Segment:
     entities: tuple[int, ...]
 
 
+class _Shown:
+    """Which entity demonstrations finish next, for every loop of a program over entities.
+
+    Args:
+        program: whose loops.
+        trajectories: D demonstrations.
+        solved: answers ψ_R.
+    """
+
+    def __init__(self, program: Program, trajectories: Sequence[Trajectory], solved: SolvedTest | None) -> None:
+        """Look up when each entity is finished."""
+        self.frame = 0
+        """The state that is observed now; the last one of a shorter demonstration stands for later ones."""
+        loops = [(part.guard, runs_of(part.body)) for part in walk(program) if isinstance(part, While)]
+        self._steps: dict[str, list[IntArray]] = {}
+        for guard, runs in loops:
+            if isinstance(guard, Get) and runs and free_vars(runs[-1].until) == (guard.var.name,):
+                found = [_next_steps(guard, runs[-1].until, shown, solved) for shown in trajectories]
+                self._steps[guard.var.name] = found
+
+    def prefers(self, var: str, rows: IntArray) -> FloatArray:
+        """Say how soon entities (N,) are finished in demonstrations `rows` (R,), the sooner the greater: (N, R)."""
+        if var not in self._steps:
+            return np.zeros((1, len(rows)))
+        steps = [self._steps[var][row] for row in rows]
+        now = [step[:, min(self.frame, step.shape[1] - 1)] for step in steps]
+        return np.asarray(-np.stack(now, axis=1), np.float64)
+
+
+def _next_steps(get: Get, until: Predicate, shown: Trajectory, solved: SolvedTest | None) -> IntArray:
+    """Return from every frame on when `until` next holds of each entity, (N, T); NEVER where it does not."""
+    members = shown.layout.of_type(get.type)
+    truth = np.stack([holds(until, shown.states, {get.var.name: e}, shown.layout, solved) for e in members])
+    steps = np.where(truth, np.arange(len(shown)), NEVER)
+    return np.asarray(np.minimum.accumulate(steps[:, ::-1], axis=1)[:, ::-1], np.int64)
+
+
 def segment(
     program: Program,
     trajectory: Trajectory,
@@ -200,8 +237,9 @@ def segment(
 ) -> tuple[Segment, ...]:
     """Cut a demonstration into the parts that each visit to a controller statement would have been responsible for.
 
-    The program is advanced along the demonstrated states. A statement whose goal holds on arrival gets no frame, unless
-    it is the last one: frames after the program's end belong to the last statement reached, if asked so.
+    The program is advanced along the demonstrated states; where a loop may serve several entities, it takes the one
+    that the demonstration finishes next. A statement whose goal holds on arrival gets no frame, unless it is the last one:
+    frames after the program's end belong to the last statement reached, if asked so.
 
     Args:
         program: what to advance.
@@ -213,12 +251,16 @@ def segment(
     Returns:
         Segments in order, without gaps from the first controller on; empty if no controller is ever reached.
     """
-    machine = Machine(program, trajectory.layout, 1, limits=limits or {}, confirm=1, solved=solved)
+    shown = _Shown(program, [trajectory], solved)
+    machine = Machine(
+        program, trajectory.layout, 1, limits=limits or {}, confirm=1, solved=solved, prefers=shown.prefers
+    )
     row = np.zeros(1, dtype=np.int64)
     counts = [len(run_variables(run)) for run in runs_of(program)]
     found: list[Segment] = []
     visit = 0
     for frame in range(len(trajectory) - 1):
+        shown.frame = frame
         machine.advance(row, trajectory.states[frame : frame + 1])
         if machine.ended[0] and not after_end:
             break
@@ -248,9 +290,11 @@ def explains(program: Program, trajectories: Sequence[Trajectory], solved: Solve
         (D,).
     """
     layout, count = trajectories[0].layout, len(trajectories)
-    machine = Machine(program, layout, count, limits={}, confirm=1, solved=solved)
+    shown = _Shown(program, trajectories, solved)
+    machine = Machine(program, layout, count, limits={}, confirm=1, solved=solved, prefers=shown.prefers)
     lengths = np.array([len(t) for t in trajectories])
     for frame in range(lengths.max()):
+        shown.frame = frame
         rows = np.flatnonzero(lengths > frame)
         machine.advance(rows, np.stack([trajectories[row].states[frame] for row in rows]))
     runs = runs_of(program)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import assert_never
+from collections.abc import Callable, Mapping
+from typing import TypeAlias, assert_never
 
 import numpy as np
 from numpy.random import Generator
@@ -15,6 +15,8 @@ from roboscribe.dsl.syntax import Predicate, Program
 from roboscribe.dsl.types import check_program
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray, Layout
 
+Preference: TypeAlias = Callable[[str, IntArray], FloatArray]
+"""How much entities (N,) are preferred for a variable in rows (R,): (N, R)."""
 MOVES = 256
 """Control-flow instructions that a row may pass within one observed state before it counts as stuck."""
 
@@ -32,6 +34,8 @@ class Machine:
         limits: step limit by controller; a controller without one has all the time it wants.
         confirm: consecutive observed states in which `until` must hold to count as reached.
         rng: draws among the answers of get; None takes the lowest entity index.
+        prefers: says for a variable how much each entity of its type (N,) is preferred in rows (R,), (N, R); None leaves
+            it to `rng`.
         solved: answers ψ_R, where the program mentions it.
 
     Source: Fig. 14.
@@ -49,11 +53,13 @@ class Machine:
         confirm: int = 3,
         rng: Generator | None = None,
         solved: SolvedTest | None = None,
+        prefers: Preference | None = None,
     ) -> None:
         """Check the program and place every row at its start."""
         check_program(program, layout)
         self._code = compile_program(program)
         self._layout, self._confirm, self._rng, self._solved = layout, confirm, rng, solved
+        self._prefers = prefers
         self._most_moves = max(MOVES, 4 * len(self._code))
         acts = [step for step in self._code if isinstance(step, Act)]
         self._limits = {act.index: limits[act.controller] for act in acts if act.controller in limits}
@@ -186,14 +192,21 @@ class Machine:
         chosen = np.full(len(rows), NULL, dtype=np.int64)
         found = fits.any(axis=0)
         if found.any():
-            draw = fits if self._rng is None else np.where(fits, self._rng.random(fits.shape), -1.0)
-            chosen[found] = candidates[draw.argmax(axis=0)[found]]
+            chosen[found] = candidates[self._preference(bind.var, fits, rows).argmax(axis=0)[found]]
         self._binding[bind.var][rows] = chosen
         for row, entity in zip(rows[found], chosen[found], strict=True):
             if entity not in self.bound[row]:
                 self.bound[row].append(int(entity))
         null: BoolArray = chosen == NULL
         return null
+
+    def _preference(self, var: str, fits: BoolArray, rows: IntArray) -> FloatArray:
+        """Say which of the entities (N, R) that fit is taken: the one with the greatest number."""
+        if self._prefers is not None:
+            return np.where(fits, self._prefers(var, rows), -np.inf)
+        if self._rng is not None:
+            return np.where(fits, self._rng.random(fits.shape), -1.0)
+        return fits.astype(np.float64)
 
     def _holds(self, predicate: Predicate, needs: tuple[str, ...], rows: IntArray, states: FloatArray) -> BoolArray:
         binding = {name: self._lookup(name, rows) for name in needs}

@@ -26,6 +26,8 @@ SHIFT = (-0.05, 0.0)
 """Stacks are built this far from the middle of the blocks' area, m."""
 PITCH, LEVEL = 0.06, 0.05
 """Distance of neighbours in a pyramid's row, and of levels, m."""
+LINE_END, LINE_SIDE = 0.10, 0.10
+"""A line of goals ends this far from the middle, and lies at most this far to the side, m."""
 TRIES, RESTARTS = 50, 2000
 
 
@@ -60,6 +62,8 @@ PUSH = Room((0.0, 0.0), (0.0, 0.0), 0.08, 0.10, 0.10)
 """A block at its goal touches none that has not been pushed yet."""
 PUSH_CROWDED = Room((0.0, 0.0), (0.0, 0.0), 0.05, 0.10, 0.10)
 """Distances of the pushing task of the paper."""
+LINE = Room((0.0, 0.0), (0.12, 0.08), 0.08, 0.10)
+"""No block starts beside a line of goals."""
 Goals = Callable[[Generator, int, Room], FloatArray | None]
 """Draws N goals (N, 3) relative to the hand's place at the height of a resting block; None: no room, try again."""
 
@@ -150,6 +154,13 @@ def flat(rng: Generator, count: int, room: Room) -> FloatArray | None:
     """Goals on the table."""
     places = scatter(rng, count, room.goals, room.side)
     return None if places is None else np.hstack([places, np.zeros((count, 1))])
+
+
+def line(rng: Generator, count: int, room: Room) -> FloatArray | None:
+    """Goals side by side on a line away from the robot, the last one near the table's far edge; the order is random."""
+    del room
+    far = np.array([LINE_END, rng.uniform(-LINE_SIDE, LINE_SIDE), 0.0])
+    return rng.permutation(far - np.outer(LEVEL * np.arange(count), [1.0, 0.0, 0.0]))
 
 
 def tower(rng: Generator, count: int, room: Room) -> FloatArray | None:

@@ -7,7 +7,9 @@ around it at the table, or rises and begins again where it is far behind.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -44,12 +46,26 @@ SPREAD = np.array([0.12, 0.12, 0.12, 0.1])
 """Standard deviation of the noise."""
 
 
-def due(hand: FloatArray, blocks: FloatArray, goals: FloatArray) -> IntArray:
-    """Index (R,) of the block to push: the one that the hand is behind, else the first late one with a free way."""
+Order: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
+"""Ranks (R, N) blocks (R, N, 3) with goals (R, N, 3): the lowest is pushed first."""
+
+
+def free_first(blocks: FloatArray, goals: FloatArray) -> FloatArray:
+    """Blocks with a free way first, in their own order."""
+    return np.asarray(_obstacles(blocks, goals) * blocks.shape[1] + np.arange(blocks.shape[1]), np.float64)
+
+
+def farthest_first(blocks: FloatArray, goals: FloatArray) -> FloatArray:
+    """Blocks with the farthest goal, seen from the robot, first."""
+    del blocks
+    return -goals[..., 0]
+
+
+def due(hand: FloatArray, blocks: FloatArray, goals: FloatArray, order: Order = free_first) -> IntArray:
+    """Index (R,) of the block to push: the late one that the hand is behind, else the first in order."""
     late = np.linalg.norm(goals - blocks, axis=2) > CLOSE
-    order = _obstacles(blocks, goals) * blocks.shape[1] + np.arange(blocks.shape[1])
-    order = np.where(_behind(hand[:, None], blocks, goals), -1, order)
-    found: IntArray = np.where(late, order, np.iinfo(np.int64).max).argmin(axis=1)
+    rank = np.where(_behind(hand[:, None], blocks, goals), -np.inf, order(blocks, goals))
+    found: IntArray = np.where(late, rank, np.inf).argmin(axis=1).astype(np.int64)
     return found
 
 
@@ -93,10 +109,11 @@ def _behind(hand: FloatArray, blocks: FloatArray, goals: FloatArray) -> BoolArra
     return found
 
 
-def command(states: FloatArray, clear: float = CLEAR) -> FloatArray:
+def command(order: Order, states: FloatArray, clear: float = CLEAR) -> FloatArray:
     """Decide the noiseless action.
 
     Args:
+        order: which block is pushed first.
         states: (R, F) states of a Fetch scene.
         clear: height above the block at which the hand crosses, m.
 
@@ -104,7 +121,7 @@ def command(states: FloatArray, clear: float = CLEAR) -> FloatArray:
         (R, 4) actions in [-1, 1]; the fingers' command is 0.
     """
     seen = view(states)
-    row, index = np.arange(len(states)), due(seen.hand, seen.blocks, seen.goals)
+    row, index = np.arange(len(states)), due(seen.hand, seen.blocks, seen.goals, order)
     hand, block, goal = seen.hand, seen.blocks[row, index], seen.goals[row, index]
     ahead, left = _way(block, goal)
     along, side = _beside(hand, block, ahead)
@@ -128,5 +145,10 @@ def calm(states: FloatArray) -> FloatArray:
     return np.ones(len(states))
 
 
-PUSH = Script(command, partial(command, clear=HIGH), SPREAD, calm, styles=STYLES)
-"""Push the blocks to their goals one after the other."""
+def script(order: Order) -> Script:
+    """Return what pushes the blocks to their goals one after the other."""
+    return Script(partial(command, order), partial(command, order, clear=HIGH), SPREAD, calm, styles=STYLES)
+
+
+PUSH, PUSH_CONFINED = script(free_first), script(farthest_first)
+"""Push blocks in any order that leaves ways free; the farthest one first."""

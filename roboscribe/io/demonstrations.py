@@ -111,6 +111,26 @@ def read_demonstrations(path: Path, task: Task) -> Demonstrations:
         raise DemonstrationError(msg) from error
 
 
+def task_of(path: Path) -> str:
+    """Read which task a file says it shows.
+
+    Raises:
+        DemonstrationError: damage, no file, or no task named.
+    """
+    if not path.is_file():
+        msg = f"{path}: no such file, expected demonstrations in Parquet"
+        raise DemonstrationError(msg)
+    try:
+        name = metadata_of(pq.ParquetFile(path).metadata.metadata).get("task")
+    except _UNREADABLE as error:
+        msg = f"{path}: damaged, or not Parquet ({_first_line(error)}); nothing of it was used"
+        raise DemonstrationError(msg) from error
+    if not isinstance(name, str):
+        msg = f"{path}: names no task in its metadata; expected the entry task"
+        raise DemonstrationError(msg)
+    return name
+
+
 def _read(data: bytes, source: str, task: Task) -> Demonstrations:
     """Read the bytes of a file."""
     seal = examine(data)

@@ -44,6 +44,28 @@ class Push(FetchTask):
         return push_demonstrator.PUSH
 
 
+@dataclass(frozen=True)
+class Confined(Push):
+    """Goals side by side on a line near the table's far edge, where only pushing the farthest block first works."""
+
+    def sample(self, rng: Generator, start: fetch.Start) -> tuple[FloatArray, FloatArray]:
+        """Draw an episode: goals on a line, blocks away from it."""
+        origin = np.array([*start.grip[:2], start.heights[0]])
+        return block_layouts.draw(rng, origin, self.blocks, block_layouts.line, block_layouts.LINE)
+
+    @property
+    def script(self) -> Script:
+        """What the demonstrator does."""
+        return push_demonstrator.PUSH_CONFINED
+
+
+@register("push-confined-N", examples=("push-confined-3",))
+def confined(request: Request) -> Confined:
+    """Make the task of N blocks with their goals on a line."""
+    blocks = request.number
+    return Confined(request.name, blocks, request.contact, request.timing, STEPS_PER_BLOCK * blocks)
+
+
 @register("push-N", "push-N-crowded", examples=("push-1", "push-3"))
 def push(request: Request) -> Push:
     """Make the task of N blocks."""
