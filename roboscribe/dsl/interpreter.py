@@ -238,7 +238,7 @@ def segment(
     """Cut a demonstration into the parts that each visit to a controller statement would have been responsible for.
 
     The program is advanced along the demonstrated states; where a loop may serve several entities, it takes the one
-    that the demonstration finishes next. A statement whose goal holds on arrival gets no frame, unless it is the last one:
+    that the demonstration finishes next. A statement whose goal holds on arrival gets no frame, unless it is the last:
     frames after the program's end belong to the last statement reached, if asked so.
 
     Args:

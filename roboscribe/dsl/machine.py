@@ -34,8 +34,7 @@ class Machine:
         limits: step limit by controller; a controller without one has all the time it wants.
         confirm: consecutive observed states in which `until` must hold to count as reached.
         rng: draws among the answers of get; None takes the lowest entity index.
-        prefers: says for a variable how much each entity of its type (N,) is preferred in rows (R,), (N, R); None leaves
-            it to `rng`.
+        prefers: how much entities are preferred where get has several answers; None leaves it to `rng`.
         solved: answers ψ_R, where the program mentions it.
 
     Source: Fig. 14.
