@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from roboscribe.adapt import Adapted, adapt
+from roboscribe.adapt import adapt
 from roboscribe.dsl.parser import parse_program
-from roboscribe.dsl.printer import text
+from roboscribe.dsl.printer import pretty
+from roboscribe.dsl.syntax import Program
 from roboscribe.dsl.types import check_program
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail, ProgramError
 from roboscribe.evidence import Evidence
@@ -23,12 +24,12 @@ class Adaptation:
 
     Args:
         saved: the program with all that is needed to run it.
-        adapted: its new guards.
+        loops: old and new line of every loop over entities.
         task: that the demonstrations show.
     """
 
     saved: SavedProgram
-    adapted: Adapted
+    loops: tuple[tuple[str, str], ...]
     task: str
 
 
@@ -62,20 +63,23 @@ def adapt_saved(directory: Path, demonstrations: Path, task: str | None = None) 
     adapted = adapt(program, Evidence.of(read.trajectories, shown.solved))
     if isinstance(adapted, Fail):
         return adapted
-    origin: dict[str, Json] = {
-        "program": saved.program_text,
-        "task": saved.manifest["task"],
-        "seed": saved.manifest["seed"],
-    }
-    stated: dict[str, Json] = {
-        "task": where.name,
-        "demonstrations": read.digest,
-        "figures": {},
-        "adapted_from": origin,
-        "command": "",
-    }
-    new = replace(saved, program_text=text(adapted.program), manifest={**saved.manifest, **stated}, edited=False)
-    return Adaptation(new, adapted, where.name)
+    new = _changed(saved, adapted.program, where.name, read.digest)
+    pairs = zip(_loop_lines(pretty(program)), _loop_lines(new.program_text), strict=True)
+    return Adaptation(new, tuple(pairs), where.name)
+
+
+def _changed(saved: SavedProgram, program: Program, task: str, digest: str) -> SavedProgram:
+    """Return a saved program with another text, for another task, and where it comes from."""
+    kept = ("task", "seed", "demonstrations")
+    origin: dict[str, Json] = {entry: saved.manifest[entry] for entry in kept if entry in saved.manifest}
+    origin["program"] = saved.program_text
+    stated: dict[str, Json] = {"task": task, "demonstrations": digest, "figures": {}, "adapted_from": origin}
+    return replace(saved, program_text=pretty(program), manifest={**saved.manifest, **stated}, edited=False)
+
+
+def _loop_lines(program: str) -> list[str]:
+    """List the lines that begin loops over entities."""
+    return [line.strip() for line in program.splitlines() if line.strip().startswith("while") and ":= get(" in line]
 
 
 def save(adaptation: Adaptation, directory: Path, original: Path) -> None:

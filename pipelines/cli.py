@@ -177,7 +177,7 @@ def adapt(
             _say(f"FAIL: {adaptation.reason}")
             raise typer.Exit(FAIL)
         save(adaptation, out, directory)
-    for old, new in adaptation.adapted.guards:
+    for old, new in adaptation.loops:
         _say(f"old guard: {old}\nnew guard: {new}")
     _say(f"program {out}, for {adaptation.task}; no control step was taken, evaluate measures it")
 
