@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from zlib import crc32
 
@@ -22,6 +22,7 @@ from roboscribe.rl.skill import Skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
 from roboscribe.rl.warm_start import Frames, frames_of, joined
+from roboscribe.world.naming import attended_from
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
@@ -109,9 +110,16 @@ class Setting:
 
     @cached_property
     def segments(self) -> tuple[tuple[Segment, ...], ...]:
-        """Each demonstration cut by the program; what comes after its end counts where it is to bring ψ_R about."""
+        """Each demonstration cut by the program; what comes after its end counts where it is to bring ψ_R about.
+
+        What a demonstration does in a segment for other entities first is left out.
+        """
         return tuple(
-            segment(self.program, shown, solved=self.task.solved, after_end=self.solve) for shown in self.demonstrations
+            tuple(
+                replace(part, start=attended_from(shown, part.start, part.stop, part.entities))
+                for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve)
+            )
+            for shown in self.demonstrations
         )
 
     @cached_property

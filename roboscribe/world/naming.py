@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import Trajectory
 
 _NOTICED = {"m": 0.01, "rad": 0.5}  # changes below these are touches; of any other unit a tenth
@@ -50,6 +50,54 @@ def first_displacements(trajectory: Trajectory) -> IntArray:
                 step = np.where(moved.any(axis=1), moved.argmax(axis=1), len(trajectory))
                 first[list(members)] = np.minimum(first[list(members)], step)
     return first
+
+
+def attended_from(trajectory: Trajectory, start: int, stop: int, entities: Sequence[int]) -> int:
+    """Return the frame from which on a part of a demonstration is about some entities.
+
+    Another entity that is moved and comes to rest before any of them moves was another matter: what is done until then
+    is not done for them. As with `first_displacements`, changes below a tenth of the largest do not count.
+
+    Args:
+        trajectory: the demonstration.
+        start: first frame of the part.
+        stop: frame after the last one.
+        entities: indices; none: the whole part is about them.
+    """
+    if not entities:
+        return start
+    moved = _moved_from(trajectory, start, stop)
+    own = moved[list(entities)].any(axis=0)
+    free = int(own.argmax()) if own.any() else stop - start
+    rests = _last_moved(trajectory, start, stop)
+    others = [e for e in range(len(moved)) if e not in entities and moved[e].any() and rests[e] < free]
+    return start + max((int(rests[e]) + 1 for e in others), default=0)
+
+
+def _moved_from(trajectory: Trajectory, start: int, stop: int) -> BoolArray:
+    """Tell where each entity is displaced from where it is at `start`, (N, stop - start)."""
+    return _displaced(trajectory, trajectory.states[start:stop], trajectory.states[start])
+
+
+def _last_moved(trajectory: Trajectory, start: int, stop: int) -> IntArray:
+    """Return the last frame, counted from `start`, at which each entity is not yet where it is in the end, (N,)."""
+    away = _displaced(trajectory, trajectory.states[start:stop], trajectory.states[stop - 1])
+    return np.where(away.any(axis=1), away.shape[1] - 1 - away[:, ::-1].argmax(axis=1), -1)
+
+
+def _displaced(trajectory: Trajectory, states: FloatArray, origin: FloatArray) -> BoolArray:
+    """Tell in which states (T, F) each entity is displaced from its place in `origin` (F,), (N, T)."""
+    layout = trajectory.layout
+    found = np.zeros((len(layout.entities), len(states)), dtype=np.bool_)
+    for kind in layout.types.values():
+        members = layout.of_type(kind.name)
+        for attribute in (a for a in kind.attributes if a.is_place):
+            largest = max(_change(trajectory.states, layout, e, attribute.name).max() for e in members)
+            if largest > 0.0 and _worth_noticing(attribute.unit, float(largest)):
+                for entity in members:
+                    columns = layout.columns[entity, attribute.name, False]
+                    found[entity] |= np.linalg.norm(states[:, columns] - origin[columns], axis=1) > _MOVED * largest
+    return found
 
 
 def _worth_noticing(unit: str, change: float) -> bool:
