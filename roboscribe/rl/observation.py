@@ -31,6 +31,12 @@ FINE_SCALES = (0.1, 0.05, 0.025, 0.0125)
 """Scales in metres of the clipped copies of small differences; four cloned better than two from few demonstrations."""
 FINE_CLIP = 2.0
 """Bound of a fine copy, in its scale: the next coarser copy tells apart what is further off."""
+PLANAR = 2
+"""Components of a difference as seen from above."""
+TURNED_SCALES = (0.1, 0.025)
+"""Scales in metres of the copies of differences along and across others."""
+LEAST_LENGTH = 1e-3
+"""A difference shorter than this has no direction, m."""
 CLIP = 10.0
 """Bound of a normalised input, in standard deviations: what no demonstration came near must not drown the rest."""
 LEAST_SPREADS = {"m": 0.01, "rad": 0.1}
@@ -65,6 +71,7 @@ class ObservationSpec:
         fine: scales of the fine copies of those differences, m.
         mean: of attributes and differences, in their units; empty before `fitted`.
         std: as `mean`.
+        turned: ranks of pairs; of the first difference its parts along and across the second are seen, from above.
     """
 
     types: tuple[str, ...]
@@ -73,6 +80,7 @@ class ObservationSpec:
     fine: tuple[float, ...] = FINE_SCALES
     mean: tuple[float, ...] = ()
     std: tuple[float, ...] = ()
+    turned: tuple[tuple[int, int], ...] = ()
 
     @property
     def alone(self) -> tuple[int, ...]:
@@ -91,8 +99,9 @@ class ObservationSpec:
         """Return plain lists, numbers and strings."""
         parts = [[part.slot, part.attribute, part.goal] for part in self.parts]
         pairs = [list(pair) for pair in self.pairs]
+        turned = [list(pair) for pair in self.turned]
         numbers = {"fine": list(self.fine), "mean": list(self.mean), "std": list(self.std)}
-        return {"types": list(self.types), "parts": parts, "pairs": pairs, **numbers}
+        return {"types": list(self.types), "parts": parts, "pairs": pairs, "turned": turned, **numbers}
 
     @staticmethod
     def from_json(data: Mapping[str, object]) -> ObservationSpec:
@@ -106,6 +115,7 @@ class ObservationSpec:
                 types=tuple(str(kind) for kind in _rows(data["types"])),
                 parts=tuple(_part(row) for row in _rows(data["parts"])),
                 pairs=tuple(_pair(row) for row in _rows(data["pairs"])),
+                turned=tuple(_pair(row) for row in _rows(data.get("turned", []))),
                 fine=_numbers(data["fine"]),
                 mean=_numbers(data["mean"]),
                 std=_numbers(data["std"]),
@@ -167,7 +177,8 @@ def observation_spec(
             leave is not to be confused with where an entity shall go.
 
     Returns:
-        Attributes in order of the arguments, and the difference of every two positions (unit m) named alike.
+        Attributes in order of the arguments, and the difference of every two positions (unit m) named alike; of every
+        two that can be seen from above, how one lies to the other.
     """
     names = run_variables(run)
     further = [Goal(Var(name)) for name in names if goals and layout.types[types[name]].goal]
@@ -182,7 +193,10 @@ def observation_spec(
         for (i, (part, a, _)), (j, (_, b, argument)) in combinations(enumerate(seen), 2)
         if a.name == b.name and a.unit == "m" and (argument or part.slot == ROBOT)
     ]
-    return ObservationSpec(tuple(types[name] for name in names), tuple(part for part, *_ in seen), tuple(alike))
+    planar = [rank for rank, (i, _) in enumerate(alike) if seen[i][1].width >= PLANAR]
+    turned = tuple((one, along) for one in planar for along in planar if one != along)
+    kinds, parts = tuple(types[name] for name in names), tuple(part for part, *_ in seen)
+    return ObservationSpec(kinds, parts, tuple(alike), turned=turned)
 
 
 def _slot(arg: Object, names: Sequence[str]) -> tuple[int, bool]:
@@ -235,7 +249,32 @@ class Encoder:
         """Count of network inputs."""
         widths = [table.shape[1] for _, table in self.columns]
         differences = sum(widths[i] for i, _ in self.spec.pairs)
-        return sum(widths[i] for i in self.spec.alone) + differences * (1 + len(self.spec.fine))
+        turned = PLANAR * (len(self.spec.turned) * len(TURNED_SCALES) + len(self._directions))
+        return sum(widths[i] for i in self.spec.alone) + differences * (1 + len(self.spec.fine)) + turned
+
+    @cached_property
+    def _directions(self) -> tuple[int, ...]:
+        """Ranks of the pairs along which others are seen."""
+        return tuple(sorted({along for _, along in self.spec.turned}))
+
+    @cached_property
+    def _planar(self) -> dict[int, slice]:
+        """Where the horizontal components of each pair's difference lie among the differences."""
+        widths = [self.columns[i][1].shape[1] for i, _ in self.spec.pairs]
+        starts = np.cumsum([0, *widths])
+        return {rank: slice(starts[rank], starts[rank] + PLANAR) for rank in range(len(widths))}
+
+    def _turned(self, differences: FloatArray) -> list[FloatArray]:
+        """Return how differences (R, D) lie to each other: along and across, in several scales, and the directions."""
+        flat = {rank: differences[:, columns] for rank, columns in self._planar.items()}
+        lengths = {rank: np.linalg.norm(flat[rank], axis=1, keepdims=True) for rank in self._directions}
+        ahead = {rank: flat[rank] / np.maximum(lengths[rank], LEAST_LENGTH) for rank in self._directions}
+        seen = []
+        for rank, along in self.spec.turned:
+            (x, y), (u, v) = flat[rank].T, ahead[along].T
+            seen.append(np.column_stack([x * u + y * v, x * v - y * u]))
+        parts = np.concatenate([np.zeros((len(differences), 0)), *seen], axis=1)
+        return [*(np.clip(parts / scale, -FINE_CLIP, FINE_CLIP) for scale in TURNED_SCALES), *ahead.values()]
 
     def _split(self, states: FloatArray, entities: IntArray) -> tuple[FloatArray, FloatArray]:
         """Gather attributes (R, W) and differences (R, D)."""
@@ -257,5 +296,6 @@ class Encoder:
         raw = np.concatenate([values, differences], axis=1)
         normal = (raw - np.asarray(self.spec.mean)) / np.asarray(self.spec.std)
         fine = [np.clip(differences / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
-        inputs: NDArray[np.float32] = np.concatenate([np.clip(normal, -CLIP, CLIP), *fine], axis=1).astype(np.float32)
+        seen = [np.clip(normal, -CLIP, CLIP), *fine, *self._turned(differences)]
+        inputs: NDArray[np.float32] = np.concatenate(seen, axis=1).astype(np.float32)
         return inputs

@@ -8,7 +8,7 @@ from carry_world import PROGRAM, layout
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
-from roboscribe.rl.observation import FINE_CLIP, Encoder, ObservationSpec, Part, observation_spec
+from roboscribe.rl.observation import FINE_CLIP, TURNED_SCALES, Encoder, ObservationSpec, Part, observation_spec
 from roboscribe.world import Attribute, Layout, ObjectType
 from roboscribe.world.layout import ROBOT
 
@@ -112,7 +112,29 @@ def test_size_counts_what_the_network_is_given() -> None:
     spec = observation_spec(AT, {"b": "block"}, layout(1)).fitted(layout(1), np.zeros((3, 6)), np.zeros((3, 1), int))
     encoder = Encoder(spec, layout(1))
     assert encoder(np.zeros((3, 6)), np.zeros((3, 1), int)).shape == (3, encoder.size)
-    assert encoder.size == 3 * 2 * (1 + len(spec.fine))
+    turned = 3 * 2 * 2 * len(TURNED_SCALES) + 3 * 2
+    assert encoder.size == 3 * 2 * (1 + len(spec.fine)) + turned
+
+
+def test_a_difference_is_seen_along_and_across_another() -> None:
+    """The hand is 3 cm behind b1 and 1 cm to the right, as seen on the way from b1 to its goal along y."""
+    state = np.array([[0.01, -0.03, 0.0, 0.0, 0.0, 0.2]])
+    spec = observation_spec(AT, {"b": "block"}, layout(1)).fitted(layout(1), state, np.zeros((1, 1), int))
+    parts = ((ROBOT, 0), (0, 0), (0, 1))
+    assert [(part.slot, int(part.goal)) for part in spec.parts] == list(parts)
+    hand_to_block, block_to_goal = spec.pairs.index((0, 1)), spec.pairs.index((1, 2))
+    rank = spec.turned.index((hand_to_block, block_to_goal))
+    seen = Encoder(spec, layout(1))(state, np.zeros((1, 1), int))[0]
+    start = len(seen) - 3 * 2 - len(TURNED_SCALES) * 2 * len(spec.turned)
+    along, across = seen[start + 2 * rank : start + 2 * rank + 2] * TURNED_SCALES[0]
+    assert (along, across) == pytest.approx((0.03, -0.01))
+    assert seen[-2:] == pytest.approx((0.0, -1.0)), "b1 is behind its goal"
+
+
+def test_a_saved_spec_without_turned_differences_has_none() -> None:
+    spec = observation_spec(AT, {"b": "block"}, layout(2))
+    old = {name: value for name, value in spec.to_json().items() if name != "turned"}
+    assert ObservationSpec.from_json(old).turned == ()
 
 
 def test_json_round_trip() -> None:
