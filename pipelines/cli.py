@@ -17,6 +17,8 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from pipelines import looking
+from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.errors import RoboScribeError
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ app = typer.Typer(
 )
 paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
 app.add_typer(paper, name="paper")
+app.registered_commands += looking.app.registered_commands
 console = Console(highlight=False)
 
 
@@ -59,14 +62,11 @@ class Engine(StrEnum):
 
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
 TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
-PROGRAM_HELP = "a program's directory, an MLflow run id, or a name that `roboscribe programs` lists"
 STYLE_HELP = "default, brisk, slow, topdown, pauses, detours, clumsy, stop (at success), linger (after it) or mixed"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
 Timing = Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")]
-HomeDir = Annotated[Path, typer.Option("--home", envvar="ROBOSCRIBE_HOME", help="where data/ and mlruns/ are kept")]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="write the result as JSON to this file")]
 
 
 @app.command()
