@@ -77,7 +77,7 @@ def test_an_edited_program_still_belongs_to_its_run(home: Path, tmp_path: Path) 
     (tmp_path / "edited" / "program.txt").write_text("def Mine(μ : EE): skip\n")
     shown = reported(str(tmp_path / "edited"), home)
     assert shown.found.account is not None
-    assert [row.text for row in read(page([shown])).of("row")][0] == "def Mine(μ : EE): skip"
+    assert next(row.text for row in read(page([shown])).of("row")) == "def Mine(μ : EE): skip"
 
 
 def test_a_run_of_another_machine_is_read_from_the_store(home: Path, tmp_path: Path) -> None:
