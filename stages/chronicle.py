@@ -33,6 +33,7 @@ from stages.events import (
     Trained,
 )
 from stages.files import read_json
+from stages.grounded import failures
 from stages.journal import Journal, Record, read_records
 from stages.values import refinement_from_json, refinement_to_json, tree_from_json, tree_to_json
 
@@ -181,9 +182,9 @@ def _encoded(event: Event) -> dict[str, Json]:
                 "curves": _curves(metrics),
             }
         case RolledOut(goal, counts, table):
-            return {"goal": goal, "counts": dict(counts), "table": str(table), "failing": failing_episodes(table)}
+            return {"goal": goal, "counts": dict(counts), "table": str(table), "failing": _failing(table)}
         case Evaluated(figures, table):
-            return {"figures": dict(figures), "table": str(table), "failing": failing_episodes(table)}
+            return {"figures": dict(figures), "table": str(table), "failing": _failing(table)}
         case Refined() | Abandoned() | Removed():
             return _decision(event)
         case Packaged() | Filmed() | Failed():
@@ -264,11 +265,9 @@ def _decoded_ending(kind: str, value: Mapping[str, Any], where: str) -> Event:
             raise ArtifactError(msg)
 
 
-def failing_episodes(table: Path) -> Json:
-    """List the episodes of a table that failed: number, seed, whether physics broke, control steps."""
-    found = read_json(table)
-    rows = (dict(zip(found["columns"], row, strict=True)) for row in found["data"])
-    return [[row["episode"], row["seed"], row["diverged"], row["steps"]] for row in rows if not row["success"]]
+def _failing(table: Path) -> Json:
+    """List the episodes of a table that failed."""
+    return [list(row) for row in failures(read_json(table))]
 
 
 def _curves(metrics: Path) -> Json:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from pipelines.report.chapters import chapters
 from pipelines.report.page import Reported, page
+from pipelines.report.shooting import shoot_failures
 from pipelines.runs import Found
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import write_file
@@ -37,7 +38,12 @@ def write_report(found: Sequence[Found], out: Path, films: int) -> None:
     Raises:
         ArtifactError: what was written down about a run is damaged, or the page cannot be written.
     """
-    with tempfile.TemporaryDirectory():
-        runs = [Reported(each, chapters(each.account)) for each in found]
-        out.resolve().parent.mkdir(parents=True, exist_ok=True)
+    out.resolve().parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        runs = [_reported(each, Path(scratch) / str(rank), films) for rank, each in enumerate(found)]
         write_file(out, page(runs).encode())
+
+
+def _reported(found: Found, scratch: Path, films: int) -> Reported:
+    story = chapters(found.account)
+    return Reported(found, story, shoot_failures(found, story, films, scratch))

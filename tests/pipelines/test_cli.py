@@ -82,7 +82,9 @@ def test_evaluate_repeats_the_figures_of_the_synthesis(command: Command, program
     report = tmp_path / "e.json"
     assert command("evaluate", program, "--task", TASK, "--episodes", 40, "--seed", 0, "--json", report) == 0
     result = json.loads(report.read_text())
-    assert set(result) == {"task", "success", "episodes", "ci_low", "ci_high", "env_steps", "wall_seconds"}
+    assert set(result) == {
+        "task", "success", "episodes", "ci_low", "ci_high", "failing", "env_steps", "wall_seconds",
+    }  # fmt: skip
     figures = json.loads((program / "manifest.json").read_text())["figures"]
     assert (result["success"], result["env_steps"]) == (figures["success"], figures["control_steps"])
 
