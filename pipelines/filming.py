@@ -17,6 +17,8 @@ MOST_CELLS = 6
 """Most episodes beside or below each other."""
 SEARCHED = 500
 """Episodes that are run to find failing ones."""
+AT_ONCE = 8
+"""Least episodes that are run before looking whether enough of them failed."""
 
 
 def grid(spelled: str) -> tuple[int, int]:
@@ -45,14 +47,13 @@ def failing_episodes(
         first: number of the first episode that counts.
         report: told how many were run.
     """
-    seeds = episode_seeds(seed, PURPOSE, first + SEARCHED)[first:]
+    task, seeds = where.make(), episode_seeds(seed, PURPOSE, first + SEARCHED)
     found: list[int] = []
-    done = first
-    for rollouts in waves(program, where.make(), seeds, report=report):
-        found += [done + rank for rank, won in enumerate(rollouts.success) if not won]
-        done += len(rollouts.success)
-        if len(found) >= wanted:
-            break
+    done, few = first, max(AT_ONCE, 4 * wanted)
+    while len(found) < wanted and done < len(seeds):
+        for rollouts in waves(program, task, seeds[done : done + few], report=report):
+            found += [done + rank for rank, won in enumerate(rollouts.success) if not won]
+            done += len(rollouts.success)
     return found[:wanted]
 
 

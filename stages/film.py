@@ -12,7 +12,7 @@ import numpy as np
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.replay import replay
 from roboscribe.envs.panel import Take
-from roboscribe.envs.render import SIZE, SLOW, film_episode, film_grid, write_video
+from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Painter, Task, World
@@ -101,14 +101,15 @@ def film(program: Grounded, task: Task, shown: Sequence[Take], out: Path, how: S
         The file written, a GIF where no encoder is found.
     """
     how = how or Shooting()
-    shown = [take.thinned(how.every) for take in shown]
+    every = how.every * (max(1, round(task.frequency / GIF_RATE)) if out.suffix.lower() == ".gif" else 1)
+    shown = [take.thinned(every) for take in shown]
     one = how.columns == how.rows == 1
     frames = (
         film_episode(task, program.program, shown[0], how.size)
         if one
         else film_grid(task, shown, how.columns, how.size)
     )
-    return write_video(frames, out, task.frequency / how.every * (SLOW if how.slow else 1.0))
+    return write_video(frames, out, task.frequency / every * (SLOW if how.slow else 1.0))
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from markupsafe import Markup
 
+from roboscribe.envs.render import poster
+
 KINDS = {".mp4": "video/mp4", ".gif": "image/gif"}
 FINAL = -1
 """Place of the final evaluation among the chapters."""
@@ -31,11 +33,14 @@ def films_html(films: Sequence[Film]) -> Markup:
 def _film(film: Film) -> str:
     """Show one film; it starts when it is asked to."""
     kind = KINDS[film.path.suffix]
-    data = f"data:{kind};base64,{base64.b64encode(film.path.read_bytes()).decode()}"
-    caption = escape(film.caption)
-    shown = (
-        f'<img src="{data}" alt="{caption}">'
-        if kind == "image/gif"
-        else f'<video src="{data}" controls loop muted playsinline preload="metadata" aria-label="{caption}"></video>'
-    )
+    data, caption = _data(kind, film.path.read_bytes()), escape(film.caption)
+    if kind == "image/gif":
+        shown = f'<img src="{data}" alt="{caption}">'
+    else:
+        first = f'poster="{_data("image/jpeg", poster(film.path))}"'
+        shown = f'<video src="{data}" {first} controls loop muted playsinline aria-label="{caption}"></video>'
     return f"<figure>{shown}<figcaption>{caption}</figcaption></figure>"
+
+
+def _data(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

@@ -103,14 +103,14 @@ class Panel:
         pen = _Pen(image, ImageDraw.Draw(image), self._text)
         moment = self._take.moments[frame]
         pen.write(f"{self._task.name}", LARGE, bold=True)
-        pen.write(f"{self._take.title}   {frame * self._take.every / self._task.frequency:5.2f} s", SMALL, SOFT)
+        pen.note(f"{self._take.title}   {frame * self._take.every / self._task.frequency:5.2f} s")
         pen.skip(10)
         for run, line in self._lines:
             pen.write(line, self._text, lit=run == moment.run >= 0)
         pen.skip(10)
         bound = "   ".join(f"{name} = {self._task.layout.names[entity]}" for name, entity in moment.bound.items())
         if moment.ended:
-            pen.write("the program is over, its last controller acts on", SMALL, SOFT)
+            pen.note("the program is over, its last controller acts on")
         else:
             pen.write(bound or "nothing is bound", self._text, MARK if bound else SOFT, bold=bool(bound))
         if moment.run >= 0:
@@ -125,7 +125,7 @@ class Panel:
         if guard is not None:
             pen.skip(8)
             asked = "get: of which entities its condition holds" if isinstance(guard, Get) else "condition around it"
-            pen.write(asked, SMALL, SOFT)
+            pen.note(asked)
             if isinstance(guard, Get):
                 pen.chips(self._candidates(guard, frame, moment))
             else:
@@ -133,7 +133,7 @@ class Panel:
         goal = self._read(self._runs[moment.run].until, frame, moment)
         if goal:
             pen.skip(8)
-            pen.write(f"π_{self._runs[moment.run].controller} acts until", SMALL, SOFT)
+            pen.note(f"π_{self._runs[moment.run].controller} acts until")
             self._bars(pen, goal)
 
     def _bars(self, pen: _Pen, found: Sequence[Reading]) -> None:
@@ -217,6 +217,11 @@ class _Pen:
         middle = self._y + height / 2
         self._draw.text((MARGIN, middle), line, fill=color, font=font(size, bold), anchor="lm")
         self._y += height
+
+    def note(self, said: str) -> None:
+        """Write something less important, on as many lines as it takes."""
+        for line in wrap(said, _letters(self._width, SMALL)):
+            self.write(line, SMALL, SOFT)
 
     def chips(self, entities: Sequence[tuple[str, bool]]) -> None:
         """Write names beside each other, light where it holds."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -26,6 +27,8 @@ SIZE = (1280, 720)
 """Width and height of a film, pixels."""
 SMALL = (960, 540)
 """The same of a film within a page."""
+POSTER = (640, 640)
+"""Most pixels of a picture that stands for a film."""
 GIF_WIDTH, GIF_RATE = 800, 12.5
 """Most pixels and frames per second of a GIF, which has no compression to speak of."""
 SUFFIXES = (".mp4", ".gif")
@@ -193,6 +196,20 @@ def write_video(frames: Iterable[Frame], out: Path, frequency: float) -> Path:
     if out.suffix.lower() != ".gif":
         log.warning("no video encoder (package imageio-ffmpeg): writing a GIF instead of %s", out.name)
     return _write_gif(frames, out.with_suffix(".gif"), frequency)
+
+
+def poster(video: Path) -> bytes:
+    """Return the last picture of a film as JPEG, to stand in its place until it plays."""
+    import imageio.v3 as iio
+
+    last = None
+    for frame in iio.imiter(video):
+        last = frame
+    image = Image.fromarray(np.asarray(last)[..., :3])
+    image.thumbnail(POSTER)
+    data = BytesIO()
+    image.save(data, "JPEG", quality=80)
+    return data.getvalue()
 
 
 def _write_mp4(frames: Iterable[Frame], out: Path, frequency: float) -> Path:

@@ -110,6 +110,23 @@ def test_render_writes_a_video(command: Command, program: Path, tmp_path: Path) 
     assert (tmp_path / "v.gif").read_bytes().startswith(b"GIF89a")
 
 
+def test_failing_episodes_are_named_and_filmed(
+    command: Command, program: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A program that never takes hold of anything fails in every episode."""
+    edited = tmp_path / "edited"
+    shutil.copytree(program, edited)
+    text = (edited / "program.txt").read_text()
+    head, hold = text.split("  hold(")
+    (edited / "program.txt").write_text(f"{head}  hold({hold.split('<')[0]}< 0.000001\n  at(b){hold.split('at(b)')[1]}")
+    report = tmp_path / "e.json"
+    assert command("evaluate", edited, "--episodes", 3, "--json", report) == 0
+    assert json.loads(report.read_text())["failing"] == [0, 1, 2]
+    assert "failing episodes: 0, 1, 2" in capsys.readouterr().out
+    assert command("render", edited, "--failing", "--episode", 2, "--grid", "2x1", "--out", tmp_path / "v.gif") == 0
+    assert "v.gif: episodes 2, 3, 0 solved" in capsys.readouterr().out
+
+
 def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Row 12: demonstrations that never reach the goal."""
     shown = [failing(each) for each in POINT_TASKS[TASK].demonstrate(4, 0)]
@@ -130,6 +147,9 @@ def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.C
         (["synthesize"], "TASK"),
         (["evaluate", "/nowhere", "--task", TASK], "/nowhere: does not exist"),
         (["evaluate", "0" * 32, "--task", TASK], "there is no tracking store"),
+        (["render", "/nowhere", "--out", "v.avi"], "v.avi: found suffix '.avi', expected .mp4 or .gif"),
+        (["render", "/nowhere", "--grid", "9"], "grid '9': expected columns x rows"),
+        (["diff", "/nowhere", "tower-5"], "run /nowhere: there is nothing of this name"),
         (["demos", TASK, "--out", "/proc/nowhere/d.parquet"], "/proc/nowhere/d.parquet"),
         (["demos", "pick-place-1", "--style", "quick", "--out", "d.parquet"], "unknown style 'quick'"),
         (["demos", TASK, "--style", "slow", "--out", "d.parquet"], f"{TASK} has its own demonstrator"),
