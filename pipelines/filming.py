@@ -17,8 +17,8 @@ MOST_CELLS = 6
 """Most episodes beside or below each other."""
 SEARCHED = 500
 """Episodes that are run to find failing ones."""
-AT_ONCE = 8
-"""Least episodes that are run before looking whether enough of them failed."""
+AT_ONCE = 4
+"""Least episodes that are run before looking whether enough of them failed; then twice as many, and so on."""
 
 
 def grid(spelled: str) -> tuple[int, int]:
@@ -49,11 +49,12 @@ def failing_episodes(
     """
     task, seeds = where.make(), episode_seeds(seed, PURPOSE, first + SEARCHED)
     found: list[int] = []
-    done, few = first, max(AT_ONCE, 4 * wanted)
+    done, few = first, max(AT_ONCE, 2 * wanted)
     while len(found) < wanted and done < len(seeds):
         for rollouts in waves(program, task, seeds[done : done + few], report=report):
             found += [done + rank for rank, won in enumerate(rollouts.success) if not won]
             done += len(rollouts.success)
+        few *= 2
     return found[:wanted]
 
 

@@ -127,18 +127,18 @@ def _point(attempt: Attempt) -> Point:
 
 def learning_html(story: Chapters) -> Markup:
     """Draw how controllers succeeded while they were learned, where that was measured more than once."""
-    learned = [skill for attempt in story.tried for skill in attempt.skills]
-    curves = [curve for rank, skill in enumerate(learned) for curve in _curves(skill, rank)]
+    learned = [(skill, attempt.goal) for attempt in story.tried for skill in attempt.skills]
+    curves = [curve for rank, (skill, goal) in enumerate(learned) for curve in _curves(skill, goal, rank)]
     return Markup(curves_html(curves, "success in training")) if curves else Markup()
 
 
-def _curves(skill: Skill, rank: int) -> list[Curve]:
-    """Read the success rates of a learner."""
-    name = f"π_{skill.report['controller']}"
+def _curves(skill: Skill, goal: str, rank: int) -> list[Curve]:
+    """Read the success rates of a learner, while a program for some goal was made ready."""
+    name = f"π_{skill.report['controller']} for {goal}"
     rates = {key: points for key, points in skill.curves.items() if key.endswith("success") and len(points) > 1}
     return [
         Curve(
-            f"{name} {key.replace('_', ' ')}",
+            f"{name}: {key.replace('_', ' ')}",
             tuple(
                 Point(step, value, value, value, f"{name}: {value:.0%} after {step} steps") for step, value in points
             ),
