@@ -50,6 +50,7 @@ class Take:
         solved: whether the task was solved.
         title: how the episode is called.
         every: control steps between two of these states.
+        steps: the control step of each of them; empty where they are all there.
     """
 
     states: FloatArray
@@ -58,14 +59,23 @@ class Take:
     solved: bool
     title: str
     every: int = 1
+    steps: tuple[int, ...] = ()
+
+    def step(self, frame: int) -> int:
+        """Return the control step of a frame."""
+        return self.steps[frame] if self.steps else frame
 
     def thinned(self, every: int) -> Take:
         """Keep one state of `every`, and the last one."""
         last = len(self.states) - 1
         kept = sorted({*range(0, last, every), last})
-        moments = tuple(self.moments[index] for index in kept)
         return replace(
-            self, states=self.states[kept], snapshots=self.snapshots[kept], moments=moments, every=every * self.every
+            self,
+            states=self.states[kept],
+            snapshots=self.snapshots[kept],
+            moments=tuple(self.moments[index] for index in kept),
+            every=every * self.every,
+            steps=tuple(self.step(index) for index in kept),
         )
 
 
@@ -103,7 +113,7 @@ class Panel:
         pen = _Pen(image, ImageDraw.Draw(image), self._text)
         moment = self._take.moments[frame]
         pen.write(f"{self._task.name}", LARGE, bold=True)
-        pen.note(f"{self._take.title}   {frame * self._take.every / self._task.frequency:5.2f} s")
+        pen.note(f"{self._take.title}   {self._take.step(frame) / self._task.frequency:5.2f} s")
         pen.skip(10)
         for run, line in self._lines:
             pen.write(line, self._text, lit=run == moment.run >= 0)

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -31,6 +32,8 @@ POSTER = (640, 640)
 """Most pixels of a picture that stands for a film."""
 GIF_WIDTH, GIF_RATE = 800, 12.5
 """Most pixels and frames per second of a GIF, which has no compression to speak of."""
+COLORS, CLEAR = 120, 255
+"""Colours of a GIF that are chosen in either of two ways, and the number that lets the picture before shine through."""
 SUFFIXES = (".mp4", ".gif")
 HOLD = 1.0
 """Seconds for which the last picture stays."""
@@ -223,20 +226,43 @@ def _write_mp4(frames: Iterable[Frame], out: Path, frequency: float) -> Path:
 
 
 def _write_gif(frames: Iterable[Frame], out: Path, frequency: float) -> Path:
-    """Write a GIF, smaller and with fewer frames where it would be too large."""
+    """Write a GIF, smaller and with fewer frames where it would be too large; what stays the same is stored once."""
     every = max(1, round(frequency / GIF_RATE))
-    first, *others = (_shrunk(frame) for index, frame in enumerate(frames) if index % every == 0)
+    images = [_shrunk(frame) for index, frame in enumerate(frames) if index % every == 0]
+    palette = _palette(images)
+    drawn = [np.asarray(image.quantize(palette=palette, dither=Image.Dither.NONE)) for image in images]
+    changed = [drawn[0], *(np.where(new == old, CLEAR, new) for old, new in pairwise(drawn))]
+    first, *others = (_paletted(pixels.astype(np.uint8), palette) for pixels in changed)
     duration = round(1000 * every / frequency)
-    first.save(out, save_all=True, append_images=others, duration=duration, loop=0, optimize=True)
+    first.save(out, save_all=True, append_images=others, duration=duration, loop=0, transparency=CLEAR, disposal=1)
     return out
 
 
 def _shrunk(frame: Frame) -> Image.Image:
-    """Scale a frame down and give it a palette of its own."""
+    """Scale a frame down."""
     image = Image.fromarray(frame)
     if image.width > GIF_WIDTH:
         image = image.resize((GIF_WIDTH, image.height * GIF_WIDTH // image.width), Image.Resampling.LANCZOS)
-    return image.quantize(256, dither=Image.Dither.NONE)
+    return image
+
+
+def _palette(images: Sequence[Image.Image]) -> Image.Image:
+    """Choose colours that fit the first, the middle and the last of some images."""
+    width, height = images[0].size
+    sheet = Image.new("RGB", (width, 3 * height))
+    for place, image in enumerate((images[0], images[len(images) // 2], images[-1])):
+        sheet.paste(image, (0, place * height))
+    methods = (Image.Quantize.MEDIANCUT, Image.Quantize.MAXCOVERAGE)  # what is large, and what is small but colourful
+    colors = [sheet.quantize(COLORS, method).getpalette() or [] for method in methods]
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([number for own in colors for number in own[: 3 * COLORS]])
+    return palette
+
+
+def _paletted(pixels: Frame, palette: Image.Image) -> Image.Image:
+    image = Image.fromarray(pixels, "P")
+    image.putpalette(palette.getpalette() or [])
+    return image
 
 
 def _has_encoder() -> bool:

@@ -126,7 +126,8 @@ def test_a_grid_shows_every_episode_to_its_end(take: Take, no_opengl: None) -> N
 def test_thinned_films_keep_the_last_state(take: Take) -> None:
     thin = take.thinned(2)
     assert np.array_equal(thin.states, take.states[[0, 2, 3]])
-    assert (len(thin.moments), thin.every) == (3, 2)
+    assert (len(thin.moments), thin.every, thin.steps) == (3, 2, (0, 2, 3))
+    assert thin.thinned(2).steps == (0, 3)
 
 
 def test_a_gif_is_written_when_asked(take: Take, no_opengl: None, tmp_path: Path) -> None:
