@@ -80,12 +80,12 @@ class Found:
 
 
 def list_runs(home: Home) -> tuple[Run, ...]:
-    """List the runs of a home, the latest first.
+    """List the runs of a home, the latest first; one that was killed before its first word is none.
 
     Raises:
         ArtifactError: what was written down about one is damaged.
     """
-    found = (_run(path.parent) for path in home.data.glob(f"runs/*/{CHRONICLE}"))
+    found = (_run(path.parent) for path in home.data.glob(f"runs/*/{CHRONICLE}") if next(read_records(path), None))
     return tuple(sorted(found, key=lambda run: -run.account.began))
 
 

@@ -14,10 +14,13 @@ from pipelines.report.chapters import Attempt, chapters
 from pipelines.report.films import Film
 from pipelines.report.page import Reported, page
 from pipelines.runs import Found, list_runs, open_run
+from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.errors import ArtifactError
+from roboscribe.io.demonstrations import write_demonstrations
+from roboscribe.world.trajectory import Trajectory
 from stages.chronicle import CHRONICLE
 from stages.events import Refined
-from stages.mlflow_store import synchronise
+from stages.mlflow_store import JOURNAL, synchronise
 from tests.html.pages import Page, read
 from tests.pipelines.runs import Command, run, scripted
 from tests.pipelines.stores import empty_store, rows
@@ -41,7 +44,8 @@ def reported(name: str, home: Path) -> Reported:
 
 
 def key(home: Path, seed: int) -> str:
-    return next(run.key for run in list_runs(Home(home)) if run.account.about["plan"]["seed"] == seed)
+    runs = (run for run in list_runs(Home(home)) if run.key != "abcd")
+    return next(run.key for run in runs if run.account.about["plan"]["seed"] == seed)
 
 
 def test_runs_lists_the_latest_first(command: Command, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -127,6 +131,29 @@ def test_diff_shows_text_configuration_and_figures(
     assert "configuration: no difference" in edited
     assert command("diff", home / "first", home / "first", "--home", home) == 0
     assert "the programs are the same" in capsys.readouterr().out
+
+
+def test_runs_that_found_nothing_or_were_killed_are_told(
+    command: Command, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    demos, other = tmp_path / "d.parquet", Home(tmp_path / "home")
+    task = POINT_TASKS["point-pick-place-1"]
+    shown = [Trajectory(each.layout, each.states[:6]) for each in task.demonstrate(4, 0)]
+    write_demonstrations(demos, task.name, task.layout, task.frequency, shown, generator="test", seed=None)
+    run(scripted(demonstrations=demos), other.path)
+    killed = other.data / "runs" / "abcd"
+    shutil.copytree(home / "data" / "runs" / key(home, 0), killed)
+    for name in (CHRONICLE, JOURNAL):
+        lines = (killed / name).read_bytes().splitlines(keepends=True)
+        (killed / name).write_bytes(b"".join(lines[:8]) + lines[8][:20])
+    (other.data / "runs" / "ffff").mkdir()
+    (other.data / "runs" / "ffff" / CHRONICLE).touch()
+    assert {each.key: each.status for each in list_runs(other)} == {"abcd": "KILLED", key(other.path, 0): "FAILED"}
+    failed = page([reported(key(other.path, 0), other.path)])
+    assert "No program: none of the 4 demonstrations" in failed
+    assert "The run is killed." in page([reported("abcd", other.path)])
+    assert command("show", key(other.path, 0), "--home", other.path) == 0
+    assert "FAIL: none of the 4 demonstrations" in capsys.readouterr().out
 
 
 def links(shown: Page) -> list[str]:
