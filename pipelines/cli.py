@@ -40,7 +40,6 @@ app = typer.Typer(
 )
 paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
 app.add_typer(paper, name="paper")
-app.registered_commands += looking.app.registered_commands
 console = Console(highlight=False)
 
 
@@ -312,6 +311,9 @@ def ui(
 
     _say(f"http://127.0.0.1:{port}")
     serve(Home(home), port)
+
+
+app.registered_commands += looking.app.registered_commands
 
 
 def main() -> None:

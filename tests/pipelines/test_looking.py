@@ -87,7 +87,9 @@ def test_an_edited_program_still_belongs_to_its_run(home: Path, tmp_path: Path) 
 def test_a_run_of_another_machine_is_read_from_the_store(home: Path, tmp_path: Path) -> None:
     """Chronicle and program are artifacts, so that a report needs nothing but the tracking store."""
     mlruns = empty_store(tmp_path / "mlruns")
-    synchronise(home / "data" / "runs", mlruns)
+    first = key(home, 0)
+    shutil.copytree(home / "data" / "runs" / first, tmp_path / "runs" / first)
+    synchronise(tmp_path / "runs", mlruns)
     [(run_id,)] = rows(mlruns, "select run_uuid from runs where name = 'point-pick-place-1 seed 0'")
     shown = reported(str(run_id), tmp_path)
     assert len(shown.story.refinements) == 2
