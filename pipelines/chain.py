@@ -105,15 +105,16 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
     return Synthesized(solution, profile, figures, directory)
 
 
-def command(plan: Plan, profile: str) -> str:
+def command(plan: Plan, profile: str | None) -> str:
     """Spell the command line that makes a plan's program, as far as options can say what is planned.
 
     Args:
         plan: what is asked for.
-        profile: what is learned from in the end.
+        profile: what is learned from; None leaves the choice to the command.
     """
     task, usual = plan.task, Plan(TaskConfig(plan.task.name))
     options = (
+        ("--profile", profile, None),
         ("--demos", plan.demonstrations, usual.demonstrations),
         ("--episodes", plan.episodes, usual.episodes),
         ("--budget", plan.training.budget, usual.training.budget),
@@ -121,7 +122,7 @@ def command(plan: Plan, profile: str) -> str:
         ("--contact", task.contact, usual.task.contact),
         ("--timing", task.timing, usual.task.timing),
     )
-    words = ["roboscribe", "synthesize", task.name, "--seed", str(plan.seed), "--profile", profile]
+    words = ["roboscribe", "synthesize", task.name, "--seed", str(plan.seed)]
     for option, value, default in options:
         words += [option, str(value)] if value != default else []
     return shlex.join(words)

@@ -17,6 +17,8 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from pipelines import looking
+from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.errors import RoboScribeError
 
 if TYPE_CHECKING:
@@ -59,14 +61,11 @@ class Engine(StrEnum):
 
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
 TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
-PROGRAM_HELP = "a program's directory, an MLflow run id, or a name that `roboscribe programs` lists"
 STYLE_HELP = "default, brisk, slow, topdown, pauses, detours, clumsy, stop (at success), linger (after it) or mixed"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
 Timing = Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")]
-HomeDir = Annotated[Path, typer.Option("--home", envvar="ROBOSCRIBE_HOME", help="where data/ and mlruns/ are kept")]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="write the result as JSON to this file")]
 
 
 @app.command()
@@ -203,29 +202,51 @@ def evaluate(
         result = evaluation(opened, Config(where, seed, episodes), report)
     _say(f"{where.name}: success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
+    failing = result["failing"]
+    assert isinstance(failing, list)
+    if failing:
+        listed = ", ".join(map(str, failing[:20])) + ", …" * (len(failing) > 20)
+        _say(f"failing episodes: {listed} (to see one: roboscribe render --episode {failing[0]})")
     _write(json, result)
 
 
 @app.command()
 def render(
     program: ProgramName,
-    out: Annotated[Path, typer.Option("--out", help="video to write")],
+    out: Annotated[Path | None, typer.Option("--out", help="video, .mp4 or .gif; left out: named after it")] = None,
     task: TaskOption = None,
+    episode: Annotated[int | None, typer.Option(min=0, help="number of the episode; left out: the first")] = None,
+    failing: Annotated[bool, typer.Option("--failing", help="film episodes that fail, from --episode on")] = False,
+    grid: Annotated[str, typer.Option(help="episodes at once, columns x rows, for instance 3x3")] = "1x1",
+    slow: Annotated[bool, typer.Option("--slow", help="at a quarter of the world's speed")] = False,
     seed: Seed = 0,
     contact: Contact = "stable",
     timing: Timing = "fast",
     home: HomeDir = Path(),
 ) -> None:
-    """Write a video of one episode with the line of the program that acts."""
+    """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
+    from pipelines import filming
     from pipelines.home import Home
     from pipelines.programs import open_program, program_directory
-    from stages.film import film
+    from roboscribe.envs.render import check_suffix
+    from stages.film import Shooting
 
+    columns, rows = filming.grid(grid)
+    first, count = episode or 0, columns * rows
+    out = out or Path(f"{Path(program).resolve().name}.mp4")
+    check_suffix(out)
     _make_room(out)
-    with program_directory(program, Home(home).mlruns) as directory, console.status("rendering"):
+    with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
         opened, where = open_program(directory, task, contact, timing)
-        path, solved = film(opened, where.make(), seed, out)
-    _say(f"{path}: the task is {'solved' if solved else 'not solved'}")
+        episodes = list(range(first, first + count))
+        if failing:
+            episodes = filming.failing_episodes(opened, where, seed, count, first, report)
+        if not episodes:
+            _say(f"none of the episodes {first} to {first + filming.SEARCHED - 1} fails; nothing is filmed")
+            return
+        shooting = Shooting(columns, rows, slow)
+        path, solved = filming.shoot(opened, where, seed, episodes, out, shooting)
+    _say(f"{path}: episode{'s' * (len(episodes) > 1)} {', '.join(map(str, episodes))}, {len(solved)} solved")
 
 
 @app.command()
@@ -290,6 +311,9 @@ def ui(
 
     _say(f"http://127.0.0.1:{port}")
     serve(Home(home), port)
+
+
+app.registered_commands += looking.app.registered_commands
 
 
 def main() -> None:

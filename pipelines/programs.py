@@ -16,7 +16,7 @@ from roboscribe.io import saved_program
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import MANIFEST, load_program
 from stages import evaluate
-from stages.grounded import Grounded, grounded
+from stages.grounded import Grounded, failures, grounded
 from stages.progress import Report, silent
 from stages.world import TaskConfig
 
@@ -137,7 +137,9 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
 def evaluation(program: Grounded, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
     start = perf_counter()
-    figures, _ = evaluate.measure(program, config.task.make(), config.seed, config.episodes, report)
+    figures, table = evaluate.measure(program, config.task.make(), config.seed, config.episodes, report)
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)
-    return {"task": config.task.name, **shown, "env_steps": figures["control_steps"], "wall_seconds": seconds}
+    failing: Json = [episode for episode, *_ in failures(table)]
+    steps = figures["control_steps"]
+    return {"task": config.task.name, **shown, "failing": failing, "env_steps": steps, "wall_seconds": seconds}

@@ -10,13 +10,14 @@ from time import perf_counter
 from typing import Literal, TypeAlias, assert_never
 
 from pipelines.audience import Audience
-from pipelines.chain import Plan, Synthesized, chain, program_name
+from pipelines.chain import Plan, Synthesized, chain, command, program_name
 from pipelines.checkout import checkout_commit
 from pipelines.home import Home
 from pipelines.prefect_settings import quiet_prefect
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
+from stages.chronicle import CHRONICLE, Chronicle
 from stages.code_version import code_version
 from stages.events import (
     Abandoned,
@@ -25,6 +26,7 @@ from stages.events import (
     Failed,
     Filmed,
     Ingested,
+    Listener,
     Packaged,
     Programmed,
     Refined,
@@ -106,14 +108,19 @@ class Session:
             if self.track:
                 tracker.start()
             tally = Tally()
+            chronicle = Chronicle(directory / CHRONICLE, self._about(commit))
             try:
-                found = self._synthesize(audience, tracker, tally)
+                found = self._synthesize(audience, (tally.listen, tracker.listen, chronicle.listen), tracker)
                 result = found if isinstance(found, Fail) else self._result(found, tally, commit)
             except BaseException as error:
                 tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
                 tracker.close(timeout=30.0)
                 raise
             seconds = round(perf_counter() - start, 3)
+            chronicle.end(
+                {"reason": result.reason} if isinstance(result, Fail) else {**result, "wall_seconds": seconds}
+            )
+            tracker.attach(chronicle.path)
             if isinstance(result, Fail):
                 tracker.status("FAILED")
                 tracker.close()
@@ -138,7 +145,7 @@ class Session:
         text = canonical_json({"plan": plan, "demonstrations": digest, "code": [code_version(name) for name in STAGES]})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
-    def _synthesize(self, audience: Audience, tracker: Tracker, tally: Tally) -> Synthesized | Fail:
+    def _synthesize(self, audience: Audience, listeners: tuple[Listener, ...], tracker: Tracker) -> Synthesized | Fail:
         store = Store(self.home.data / "stages")
 
         def watch(progress: Progress) -> None:
@@ -146,7 +153,7 @@ class Session:
             audience.watch(progress)
 
         def tell(event: Event) -> None:
-            for listen in (tally.listen, tracker.listen, audience.listen):
+            for listen in (*listeners, audience.listen):
                 listen(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
@@ -181,6 +188,13 @@ class Session:
             "tree": tree_to_json(found.solution.tree),
             "program_dir": str(out.resolve()),
         }
+
+    def _about(self, commit: str) -> dict[str, Json]:
+        """Say what is asked for."""
+        plan = encode(replace(self.plan, demonstrations=None))
+        given = None if self.plan.demonstrations is None else str(self.plan.demonstrations)
+        spelled = command(self.plan, self.plan.profile)
+        return {"title": self._title(), "plan": plan, "demonstrations": given, "command": spelled, "commit": commit}
 
     def _title(self) -> str:
         return f"{self.plan.task.name} seed {self.plan.seed}"

@@ -57,7 +57,7 @@ class Story(Bar):
                 self.say(f"{goal}: trying {self._tried}")
             case Trained(_, reports, _):
                 for report in reports:
-                    self.say(f"  {_trained(report)}")
+                    self.say(f"  {trained(report)}")
             case RolledOut(goal, counts, _):
                 self.say(f"  {self._tried} reached {goal} in {counts['successes']} of {counts['episodes']} episodes")
             case Refined() | Abandoned() | Removed():
@@ -127,7 +127,8 @@ def ranked_table(candidates: Iterable[Candidate]) -> Table:
     return table
 
 
-def _trained(report: Mapping[str, Any]) -> str:
+def trained(report: Mapping[str, Any]) -> str:
+    """Say in one line how a controller was learned."""
     name, learner, steps = report["controller"], report["learner"], report["control_steps"]
     if learner == "scripted":
         return f"π_{name}: scripted"

@@ -17,6 +17,9 @@ from stages.skills import read_library
 from stages.store import Inputs, Stage
 from stages.world import TaskConfig, episode_seeds
 
+PURPOSE = "evaluate"
+"""What the seeds of evaluation episodes are drawn for, see `episode_seeds`."""
+
 
 @dataclass(frozen=True)
 class Config:
@@ -43,7 +46,7 @@ def measure(
     Returns:
         Figures (success, its interval, counts) and the table of episodes.
     """
-    seeds = episode_seeds(seed, "evaluate", episodes)
+    seeds = episode_seeds(seed, PURPOSE, episodes)
     done = list(waves(grounded, task, seeds, report=report))
     counts = summary(done)
     won = sum(int(rollouts.success.sum()) for rollouts in done)

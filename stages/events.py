@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.syntax import Program
+from roboscribe.strips import Strips
 from roboscribe.subtask_tree import Tree
 
 
@@ -56,6 +57,7 @@ class Refined:
         tree: the tree with the subgoal.
         explained: demonstrations that the program of this tree explains.
         demonstrations: how many there are.
+        strips: where the subgoal holds along each of them.
     """
 
     refinement: Refinement
@@ -63,6 +65,7 @@ class Refined:
     tree: Tree
     explained: int
     demonstrations: int
+    strips: Strips
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,23 @@
-"""Film one episode of a program, with the line of the program that acts written into every frame."""
+"""Film episodes of a program: the scene beside the program at work, or several episodes at once."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from roboscribe.dsl.interpreter import execute
-from roboscribe.dsl.printer import text
-from roboscribe.dsl.rewrite import controllers
-from roboscribe.envs.render import render_rollout
+from roboscribe.dsl.replay import replay
+from roboscribe.envs.panel import Take
+from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
+from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Painter, Task, World
 from stages import alone
+from stages.evaluate import PURPOSE
 from stages.files import read_json, read_program
 from stages.grounded import Grounded
 from stages.progress import Report, silent
@@ -40,23 +43,73 @@ class Config:
     confirm: int = 3
 
 
-def film(program: Grounded, task: Task, seed: int, out: Path) -> tuple[Path, bool]:
-    """Write a video of one episode.
+def takes(
+    program: Grounded, task: Task, episodes: Sequence[int], seeds: Sequence[int] | IntArray, goal: str = ROOT
+) -> list[Take]:
+    """Run episodes and keep what a film of them needs.
 
-    Returns:
-        The file written, a GIF where no encoder is found, and whether the task was solved in it.
+    Args:
+        program: what runs.
+        task: where.
+        episodes: their numbers, for titles.
+        seeds: (E,) one for each.
+        goal: what the program is to reach.
     """
     recording = _Recording(task)
-    seeds = episode_seeds(seed, "evaluate", 1)
-    library = as_controllers(program.library)
+    library, limits, confirm = as_controllers(program.library), program.limits, program.confirm
+    drawn = np.asarray(seeds, dtype=np.int64)
     rollouts = execute(
-        program.program, library, recording, seeds, limits=program.limits, batch=1, confirm=program.confirm
+        program.program, library, recording, drawn, limits=limits, batch=1, until_end=goal != ROOT, confirm=confirm
     )
-    runs = [text(run) for run in controllers(program.program)]
-    lines = [runs[line] if line >= 0 else "" for line in rollouts.lines[0]] or [""]
-    states = rollouts.trajectories[0].states
-    path = render_rollout(task, states, np.stack(recording.snapshots), lines, out)
-    return path, bool(rollouts.success[0])
+    return [
+        Take(
+            states=trajectory.states,
+            snapshots=np.stack(snapshots),
+            moments=replay(program.program, task.layout, trajectory.states, limits, confirm, task.solved),
+            solved=bool(solved),
+            title=f"episode {episode}",
+        )
+        for episode, trajectory, snapshots, solved in zip(
+            episodes, rollouts.trajectories, recording.episodes, rollouts.success, strict=True
+        )
+    ]
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """How to film.
+
+    Args:
+        columns: episodes beside each other; 1 shows one episode beside its program.
+        rows: episodes below each other.
+        slow: whether it runs at a quarter of the world's speed.
+        every: control steps between two pictures.
+        size: width and height, pixels.
+    """
+
+    columns: int = 1
+    rows: int = 1
+    slow: bool = False
+    every: int = 1
+    size: tuple[int, int] = SIZE
+
+
+def film(program: Grounded, task: Task, shown: Sequence[Take], out: Path, how: Shooting | None = None) -> Path:
+    """Write a video of one episode, or of several in a grid.
+
+    Returns:
+        The file written, a GIF where no encoder is found.
+    """
+    how = how or Shooting()
+    every = how.every * (max(1, round(task.frequency / GIF_RATE)) if out.suffix.lower() == ".gif" else 1)
+    shown = [take.thinned(every) for take in shown]
+    one = how.columns == how.rows == 1
+    frames = (
+        film_episode(task, program.program, shown[0], how.size)
+        if one
+        else film_grid(task, shown, how.columns, how.size)
+    )
+    return write_video(frames, out, task.frequency / every * (SLOW if how.slow else 1.0))
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
@@ -69,7 +122,8 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     program = Grounded(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    film(program, task, config.seed, out / VIDEO)
+    shown = takes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
+    film(program, task, shown, out / VIDEO)
 
 
 class _Recording(Task):
@@ -81,7 +135,8 @@ class _Recording(Task):
         self.action_size: int = task.action_size
         self.horizon: int = task.horizon
         self.frequency: float = task.frequency
-        self.snapshots: list[FloatArray] = []
+        self.episodes: list[list[FloatArray]] = []
+        """Snapshots of every episode, in the order in which they were run."""
 
     @property
     def layout(self) -> Layout:
@@ -91,7 +146,7 @@ class _Recording(Task):
         return self.task.solved(states)
 
     def world(self, batch: int) -> World:
-        return _RecordingWorld(self.task.world(batch), self.snapshots)
+        return _RecordingWorld(self.task.world(batch), self.episodes)
 
     def painter(self, width: int, height: int) -> Painter | None:
         return self.task.painter(width, height)
@@ -102,7 +157,7 @@ class _RecordingWorld:
     """A world of one row that notes a snapshot after every reset and step."""
 
     inner: World
-    snapshots: list[FloatArray]
+    episodes: list[list[FloatArray]]
 
     def __post_init__(self) -> None:
         self.batch: int = self.inner.batch
@@ -110,6 +165,7 @@ class _RecordingWorld:
 
     def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
         states = self.inner.reset(rows, seeds)
+        self.episodes.append([])
         self._note(rows)
         return states
 
@@ -132,7 +188,7 @@ class _RecordingWorld:
         return self.inner.load(rows, snapshots)
 
     def _note(self, rows: IntArray) -> None:
-        self.snapshots.append(self.inner.save(rows)[0])
+        self.episodes[-1].append(self.inner.save(rows)[0])
 
 
 STAGE = Stage("film", Config, run)

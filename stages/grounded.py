@@ -99,3 +99,9 @@ def episode_table(done: list[Rollouts], seeds: IntArray) -> dict[str, Json]:
     ]
     data: list[Json] = [[i, int(seed), *row] for i, (seed, row) in enumerate(zip(seeds, rows, strict=True))]
     return {"columns": ["episode", "seed", "success", "diverged", "steps"], "data": data}
+
+
+def failures(table: Mapping[str, Any]) -> list[list[int]]:
+    """List the episodes of a table that failed: number, seed, whether physics broke, control steps."""
+    rows = (dict(zip(table["columns"], row, strict=True)) for row in table["data"])
+    return [[row["episode"], row["seed"], row["diverged"], row["steps"]] for row in rows if not row["success"]]

@@ -265,10 +265,18 @@ def download_program(run_id: str, mlruns: Path, target: Path) -> Path:
     Raises:
         MlflowException: there is no such run, or it has no program.
     """
+    return download(run_id, "program", mlruns, target)
+
+
+def download(run_id: str, name: str, mlruns: Path, target: Path) -> Path:
+    """Copy what a run kept under a name out of the store; returns where it lies.
+
+    Raises:
+        MlflowException: there is no such run, or it kept nothing of that name.
+    """
     from mlflow import MlflowClient
 
-    found = MlflowClient(database_uri(mlruns)).download_artifacts(run_id, "program", str(target))
-    return Path(found)
+    return Path(MlflowClient(database_uri(mlruns)).download_artifacts(run_id, name, str(target)))
 
 
 def run_id_of(directory: Path) -> str | None:

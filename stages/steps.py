@@ -17,6 +17,7 @@ from roboscribe.io.atomic import Json, indented_json
 from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
 from roboscribe.steps import Decision, Outcome, Steps, explained
+from roboscribe.strips import Strips, strips
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.world.layout import FloatArray
 from stages import classify, generate, roll_out, skills, train, update_tree, validate
@@ -178,13 +179,18 @@ class Staged:
         match decision:
             case core.Refined(refinement, tree, count, shown):
                 path = self.json(REFINEMENT, refinement_to_json(refinement))
-                self.tell(Refined(refinement, path, tree, count, shown))
+                self.tell(Refined(refinement, path, tree, count, shown, self.strips(refinement, tree)))
             case core.Abandoned(reason):
                 self.tell(Abandoned(reason))
             case core.Removed(node, success):
                 self.tell(Removed(node, success))
             case _:
                 assert_never(decision)
+
+    def strips(self, refinement: Refinement, tree: Tree) -> Strips:
+        """See where a subgoal holds along the demonstrations."""
+        frequency = self.setting.task.make().frequency
+        return strips(refinement.node.name, refinement.psi, tree, self.evidence, frequency)
 
     def update_tree(self, tree: Tree, refinement: Refinement) -> Tree:
         """UPDATETREE."""

@@ -114,6 +114,10 @@ class Tracker:
         """Journal the figures of the whole run."""
         self._metrics(PARENT, metrics, self.attempt)
 
+    def attach(self, path: Path) -> None:
+        """Journal a file of the run's own."""
+        self._note(PARENT, "artifact", path.name, str(path.resolve()), folder="")
+
     def watch(self, progress: Progress) -> None:
         """Journal a learner's figures as they come."""
         if progress.unit == STEPS:

@@ -67,7 +67,15 @@ def read_refinement(path: Path) -> Refinement:
     Raises:
         ArtifactError: it holds something else.
     """
-    value = read_json(path)
+    return refinement_from_json(read_json(path), str(path))
+
+
+def refinement_from_json(value: Any, where: str = "refinement") -> Refinement:  # noqa: ANN401 - whatever JSON is found
+    """Read what `refinement_to_json` wrote.
+
+    Raises:
+        ArtifactError: it is something else.
+    """
     try:
         return Refinement(
             psi=str(value["psi"]),
@@ -79,7 +87,7 @@ def read_refinement(path: Path) -> Refinement:
             passed_over=tuple((str(phi), str(why)) for phi, why in value["passed_over"]),
         )
     except (KeyError, TypeError, ValueError, RoboScribeError) as error:
-        msg = f"{path}: found no refinement ({error})"
+        msg = f"{where}: found no refinement ({error})"
         raise ArtifactError(msg) from error
 
 

@@ -23,6 +23,8 @@ LAYERS = {
     "subtask_tree": LANGUAGE,
     "evidence": LANGUAGE | {"subtask_tree"},
     "classifier": TREE,
+    "strips": TREE,
+    "html": TREE | {"classifier", "strips"},
     "loop_guard": TREE,
     "program_gen": TREE | {"loop_guard"},
     "steps": TREE | {"program_gen", "classifier"},

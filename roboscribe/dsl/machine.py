@@ -98,6 +98,10 @@ class Machine:
         found: IntArray = self._entities[rows]
         return found
 
+    def binding(self, row: int) -> dict[str, int]:
+        """Return the entity that each variable of the program is bound to in one row, NULL where it is none."""
+        return {name: int(entities[row]) for name, entities in self._binding.items()}
+
     def advance(self, rows: IntArray, states: FloatArray) -> None:
         """Observe one more state in some rows and move each to the controller that shall act now, or to the end.
 

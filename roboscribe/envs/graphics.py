@@ -82,9 +82,17 @@ class Camera:
 
     def add_sphere(self, place: NDArray[np.float64], radius: float, color: tuple[float, ...]) -> None:
         """Add a sphere at `place` (3,), of `radius` m, colour red, green, blue, opacity in [0, 1]."""
+        self._add(mujoco.mjtGeom.mjGEOM_SPHERE, place, radius, color)
+
+    def add_frame(self, place: NDArray[np.float64], half: float, color: tuple[float, ...]) -> None:
+        """Add the edges of a cube around `place` (3,), their length twice `half` m, colour as above."""
+        self._add(mujoco.mjtGeom.mjGEOM_LINEBOX, place, half, color)
+
+    def _add(self, kind: mujoco.mjtGeom, place: NDArray[np.float64], size: float, color: tuple[float, ...]) -> None:
+        """Add a shape of the picture alone, which throws no shadow."""
         geom = self.scene.geoms[self.scene.ngeom]
-        kind, size, turn = mujoco.mjtGeom.mjGEOM_SPHERE, np.full(3, radius), np.eye(3).ravel()
-        mujoco.mjv_initGeom(geom, kind, size, place, turn, np.array(color, dtype=np.float32))
+        mujoco.mjv_initGeom(geom, kind, np.full(3, size), place, np.eye(3).ravel(), np.array(color, dtype=np.float32))
+        geom.category = mujoco.mjtCatBit.mjCAT_DECOR
         self.scene.ngeom += 1
 
     def shoot(self) -> NDArray[np.uint8]:

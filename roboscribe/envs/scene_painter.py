@@ -14,6 +14,17 @@ from roboscribe.envs import graphics
 from roboscribe.envs.engine import INTEGRATION
 from roboscribe.world.layout import FloatArray
 
+FRAMES = tuple((0.031 + 0.0004 * k, (1.0, 0.6, 0.0, 1.0)) for k in range(4))
+"""Half lengths of edges, m, and colours of frames around what is pointed at; lines are thin, so there are four."""
+SKY = (214, 222, 232)
+"""Colour behind the scene."""
+SUN = (-0.35, -0.25, -0.9)
+"""Direction of the light."""
+SHADOWED = 1.2
+"""Edge of the region around what is looked at within which shadows are drawn, m."""
+SHADOWS, SAMPLES = 2048, 4
+"""Pixels of a shadow's edge, and samples per pixel that smooth edges."""
+
 
 @dataclass(frozen=True)
 class Viewpoint:
@@ -71,7 +82,8 @@ class ScenePainter:
         size: tuple[int, int],
     ) -> None:
         """Prepare the scene and the camera."""
-        self._model, self._markers = model, markers
+        self._model, self._markers = _dressed(model, viewpoint), markers
+        self._pointed: Sequence[FloatArray] = ()
         self._data = mujoco.MjData(model)
         self._size = mujoco.mj_stateSize(model, INTEGRATION)
         self._camera = graphics.Camera(model, context, size)
@@ -94,8 +106,30 @@ class ScenePainter:
         self._camera.aim(self._data)
         for marker in self._markers(state):
             self._camera.add_sphere(marker.place, marker.radius, marker.color)
+        for place in self._pointed:
+            for half, color in FRAMES:
+                self._camera.add_frame(place, half, color)
         return self._camera.shoot()
+
+    def point_at(self, places: Sequence[FloatArray]) -> None:
+        """Put a frame around places (3,) from the next picture on."""
+        self._pointed = tuple(place for place in places if len(place) == 3)
 
     def close(self) -> None:
         """Give back what the graphics library holds."""
         self._camera.close()
+
+
+def _dressed(model: mujoco.MjModel, viewpoint: Viewpoint) -> mujoco.MjModel:
+    """Give a scene a pale sky, a light from the side with soft shadows, and smooth edges."""
+    quality = model.vis.quality
+    quality.shadowsize, quality.offsamples = SHADOWS, SAMPLES
+    model.vis.map.shadowclip = SHADOWED / model.stat.extent
+    model.light_castshadow[:] = 1
+    model.light_dir[:] = np.array(SUN) / np.linalg.norm(SUN)
+    model.light_pos[:] = np.array(viewpoint.lookat) - 2.0 * model.light_dir
+    for texture in np.flatnonzero(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX):
+        start, channels = int(model.tex_adr[texture]), int(model.tex_nchannel[texture])
+        pixels = int(model.tex_height[texture]) * int(model.tex_width[texture])
+        model.tex_data[start : start + pixels * channels] = np.tile(np.array(SKY[:channels], dtype=np.uint8), pixels)
+    return model

@@ -82,7 +82,9 @@ def test_evaluate_repeats_the_figures_of_the_synthesis(command: Command, program
     report = tmp_path / "e.json"
     assert command("evaluate", program, "--task", TASK, "--episodes", 40, "--seed", 0, "--json", report) == 0
     result = json.loads(report.read_text())
-    assert set(result) == {"task", "success", "episodes", "ci_low", "ci_high", "env_steps", "wall_seconds"}
+    assert set(result) == {
+        "task", "success", "episodes", "ci_low", "ci_high", "failing", "env_steps", "wall_seconds",
+    }  # fmt: skip
     figures = json.loads((program / "manifest.json").read_text())["figures"]
     assert (result["success"], result["env_steps"]) == (figures["success"], figures["control_steps"])
 
@@ -108,6 +110,23 @@ def test_render_writes_a_video(command: Command, program: Path, tmp_path: Path) 
     assert (tmp_path / "v.gif").read_bytes().startswith(b"GIF89a")
 
 
+def test_failing_episodes_are_named_and_filmed(
+    command: Command, program: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A program that never takes hold of anything fails in every episode."""
+    edited = tmp_path / "edited"
+    shutil.copytree(program, edited)
+    text = (edited / "program.txt").read_text()
+    head, hold = text.split("  hold(")
+    (edited / "program.txt").write_text(f"{head}  hold({hold.split('<')[0]}< 0.000001\n  at(b){hold.split('at(b)')[1]}")
+    report = tmp_path / "e.json"
+    assert command("evaluate", edited, "--episodes", 2, "--json", report) == 0
+    assert json.loads(report.read_text())["failing"] == [0, 1]
+    assert "failing episodes: 0, 1" in capsys.readouterr().out
+    assert command("render", edited, "--failing", "--episode", 2, "--out", tmp_path / "v.gif") == 0
+    assert "v.gif: episode 2, 0 solved" in capsys.readouterr().out
+
+
 def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Row 12: demonstrations that never reach the goal."""
     shown = [failing(each) for each in POINT_TASKS[TASK].demonstrate(4, 0)]
@@ -128,6 +147,9 @@ def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.C
         (["synthesize"], "TASK"),
         (["evaluate", "/nowhere", "--task", TASK], "/nowhere: does not exist"),
         (["evaluate", "0" * 32, "--task", TASK], "there is no tracking store"),
+        (["render", "/nowhere", "--out", "v.avi"], "v.avi: found suffix '.avi', expected .mp4 or .gif"),
+        (["render", "/nowhere", "--grid", "9"], "grid '9': expected columns x rows"),
+        (["diff", "/nowhere", "tower-5"], "run /nowhere: there is nothing of this name"),
         (["demos", TASK, "--out", "/proc/nowhere/d.parquet"], "/proc/nowhere/d.parquet"),
         (["demos", "pick-place-1", "--style", "quick", "--out", "d.parquet"], "unknown style 'quick'"),
         (["demos", TASK, "--style", "slow", "--out", "d.parquet"], f"{TASK} has its own demonstrator"),

@@ -1,0 +1,49 @@
+"""Writing a report: films first, then the page, whole or not at all."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from pipelines.report.chapters import chapters
+from pipelines.report.page import Reported, page
+from pipelines.report.shooting import shoot_failures
+from pipelines.runs import Found
+from roboscribe.errors import ArtifactError
+from roboscribe.io.atomic import write_file
+
+SUFFIXES = (".html", ".htm")
+
+
+def check_suffix(out: Path) -> None:
+    """Refuse a file of another kind before anything is done.
+
+    Raises:
+        ArtifactError: the name ends otherwise.
+    """
+    if out.suffix.lower() not in SUFFIXES:
+        msg = f"{out}: found suffix {out.suffix!r}, expected {' or '.join(SUFFIXES)}"
+        raise ArtifactError(msg)
+
+
+def write_report(found: Sequence[Found], out: Path, films: int) -> None:
+    """Write a page about some runs.
+
+    Args:
+        found: the runs.
+        out: file to write; its directory is made.
+        films: failing episodes to film of each program that failed.
+
+    Raises:
+        ArtifactError: what was written down about a run is damaged, or the page cannot be written.
+    """
+    out.resolve().parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        runs = [_reported(each, Path(scratch) / str(rank), films) for rank, each in enumerate(found)]
+        write_file(out, page(runs).encode())
+
+
+def _reported(found: Found, scratch: Path, films: int) -> Reported:
+    story = chapters(found.account)
+    return Reported(found, story, shoot_failures(found, story, films, scratch))

@@ -1,0 +1,1 @@
+"""HTML of programs, trees, tables, strips and curves."""
