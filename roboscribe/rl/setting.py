@@ -189,10 +189,13 @@ class Setting:
         return {text: spread for text, spread in spreads.items() if spread > 0}
 
     def _parts(self, run: Run) -> list[tuple[Trajectory, Segment]]:
-        """List the segments of one controller statement, each with its demonstration."""
-        rank = next(rank for rank, each in enumerate(self.runs) if each is run)
-        pairs = zip(self.demonstrations, self.segments, strict=True)
-        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index == rank]
+        """List the segments of a controller, each with its demonstration."""
+        ranks, pairs = self.ranks(run), zip(self.demonstrations, self.segments, strict=True)
+        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index in ranks]
+
+    def ranks(self, run: Run) -> tuple[int, ...]:
+        """Return where a controller stands among the statements: more than once where branches share it."""
+        return tuple(rank for rank, each in enumerate(self.runs) if each.controller == run.controller)
 
     def frames(self, run: Run) -> Frames | None:
         """Cut a controller's frames out of the demonstrations, and a few beyond φ; None where there are none."""
@@ -225,8 +228,7 @@ class Setting:
         starts, evaluation = config.starts * times, config.evaluation * times
         if isinstance(run.until, Solved):
             starts = evaluation = config.opaque
-        rank = next(rank for rank, each in enumerate(self.runs) if each is run)
-        prefix = Prefix(self.program, rank, skills, self.limits, self.config.confirm)
+        prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
         seeds = rng.integers(SEEDS, size=config.attempts * (starts + evaluation))
         found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch)
         share = evaluation / (starts + evaluation)
