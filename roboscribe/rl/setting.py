@@ -112,15 +112,19 @@ class Setting:
     def segments(self) -> tuple[tuple[Segment, ...], ...]:
         """Each demonstration cut by the program; what comes after its end counts where it is to bring ψ_R about.
 
-        What a demonstration does in a segment for other entities first is left out.
+        What a demonstration does in a segment first for entities that the program does not deal with is left out.
         """
-        return tuple(
-            tuple(
-                replace(part, start=attended_from(shown, part.start, part.stop, part.entities))
-                for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve)
-            )
-            for shown in self.demonstrations
-        )
+        return tuple(self._segments(shown) for shown in self.demonstrations)
+
+    def _segments(self, shown: Trajectory) -> tuple[Segment, ...]:
+        """Cut one demonstration."""
+        found: list[Segment] = []
+        known: set[int] = set()
+        for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve):
+            known |= set(part.entities)
+            begin = attended_from(shown, part.start, part.stop, part.entities, known) if part.entities else part.start
+            found.append(replace(part, start=begin))
+        return tuple(found)
 
     @cached_property
     def limits(self) -> dict[str, int]:
