@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -12,37 +10,21 @@ import torch
 from torch import nn
 
 from roboscribe.baselines.config import ChunkConfig, CloningConfig, SetConfig
+from roboscribe.baselines.course import Course
 from roboscribe.baselines.policy import ChunkPolicy, SetPolicy, chunk_policy, set_policy
 from roboscribe.baselines.transitions import check_actions, cut
-from roboscribe.rl.checkpoint import prefixed, read_checkpoint, under, write_checkpoint
+from roboscribe.rl.checkpoint import prefixed, under
 from roboscribe.rl.torch_net import load_optimizer, optimizer_arrays, single_thread
 from roboscribe.world import Task, Trajectory
 from roboscribe.world.layout import FloatArray
 
-Log: TypeAlias = Callable[[Mapping[str, float], int], None]
-"""Receives metrics by name, and the steps done so far."""
 Loss: TypeAlias = Callable[[torch.Tensor], torch.Tensor]
 """Gives the loss of some frames."""
 GENERATOR = "generator"
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a run of cloning keeps what it would go on from, and whom it tells.
-
-    Args:
-        checkpoint: file; None keeps nothing.
-        identity: which run this is.
-        log: receives the loss at every checkpoint.
-    """
-
-    checkpoint: Path | None
-    identity: Mapping[str, object]
-    log: Log
-
-
 def clone_actions(
-    task: Task, shown: Sequence[Trajectory], network: SetConfig, config: CloningConfig, seed: int, progress: Progress
+    task: Task, shown: Sequence[Trajectory], network: SetConfig, config: CloningConfig, course: Course
 ) -> SetPolicy:
     """Fit the set policy to demonstrated actions; the last weights are kept, no rollouts choose them.
 
@@ -51,8 +33,7 @@ def clone_actions(
         shown: demonstrations with actions.
         network: sizes.
         config: settings.
-        seed: decides everything.
-        progress: checkpoint and log.
+        course: gradient steps, seed, checkpoint, log.
 
     Raises:
         DemonstrationError: demonstrations without actions.
@@ -64,7 +45,7 @@ def clone_actions(
     parts = [cut(trajectory, task) for trajectory in shown]
     states, actions = _frames(parts), np.concatenate([part.actions for part in parts if part.actions is not None])
     with torch.random.fork_rng():
-        torch.manual_seed(seed)
+        torch.manual_seed(course.seed)
         policy = set_policy("bc", task.layout, task.action_size, network)
     policy.network.tokenizer.observe(states)
     inputs, targets = _tensor(states), _tensor(np.clip(actions, -1.0, 1.0))
@@ -72,13 +53,11 @@ def clone_actions(
     def loss(rows: torch.Tensor) -> torch.Tensor:
         return squared_error(policy.network(inputs[rows]), targets[rows])
 
-    _descend(policy.network, loss, len(inputs), config, seed, progress)
+    _descend(policy.network, loss, len(inputs), config, course)
     return policy
 
 
-def clone_chunks(
-    task: Task, shown: Sequence[Trajectory], config: ChunkConfig, seed: int, progress: Progress
-) -> ChunkPolicy:
+def clone_chunks(task: Task, shown: Sequence[Trajectory], config: ChunkConfig, course: Course) -> ChunkPolicy:
     """Fit the chunk policy to demonstrated actions; arguments as of `clone_actions`.
 
     Source: ACT, without its variational part.
@@ -88,7 +67,7 @@ def clone_chunks(
     states = _frames(parts)
     chunks, known = chunks_of(parts, config.actions)
     with torch.random.fork_rng():
-        torch.manual_seed(seed)
+        torch.manual_seed(course.seed)
         policy = chunk_policy("chunked-bc", task.layout, task.action_size, config)
     policy.network.tokenizer.observe(states)
     inputs, targets, mask = _tensor(states), _tensor(chunks), _tensor(known)
@@ -96,7 +75,7 @@ def clone_chunks(
     def loss(rows: torch.Tensor) -> torch.Tensor:
         return absolute_error(policy.network(inputs[rows]), targets[rows], mask[rows])
 
-    _descend(policy.network, loss, len(inputs), config.cloning, seed, progress)
+    _descend(policy.network, loss, len(inputs), config.cloning, course)
     return policy
 
 
@@ -137,43 +116,40 @@ def _tensor(array: FloatArray) -> torch.Tensor:
     return torch.from_numpy(array.astype(np.float32))
 
 
-def _descend(network: nn.Module, loss: Loss, frames: int, config: CloningConfig, seed: int, progress: Progress) -> None:
+def _descend(network: nn.Module, loss: Loss, frames: int, config: CloningConfig, course: Course) -> None:
     """Take the gradient steps, or those that a killed run had left; the weights are the same bit for bit."""
     single_thread()
-    generator = torch.Generator().manual_seed(seed)
+    generator = torch.Generator().manual_seed(course.seed)
     optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
-    done = _resume(network, optimizer, generator, progress)
+    first = 1 + _resume(network, optimizer, generator, course)
     total = 0.0
-    for step in range(done + 1, config.steps + 1):
+    for step in range(first, course.steps + 1):
         found = loss(torch.randint(frames, (config.batch,), generator=generator))
         optimizer.zero_grad()
         torch.autograd.backward(found)
         optimizer.step()
         total += float(found.detach())
-        if step % config.checkpoint_every == 0 or step == config.steps:
-            progress.log({"loss": total / ((step - 1) % config.checkpoint_every + 1)}, step)
+        if step % config.checkpoint_every == 0 or step == course.steps:
+            course.log({"loss": total / ((step - 1) % config.checkpoint_every + 1)}, step)
             total = 0.0
-            _keep(network, optimizer, generator, step, progress)
+            _keep(network, optimizer, generator, step, course)
 
 
 def _keep(
-    network: nn.Module, optimizer: torch.optim.Optimizer, generator: torch.Generator, step: int, progress: Progress
+    network: nn.Module, optimizer: torch.optim.Optimizer, generator: torch.Generator, step: int, course: Course
 ) -> None:
     """Write a checkpoint."""
-    if progress.checkpoint is not None:
-        weights = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
-        arrays = {**prefixed("network", weights), **prefixed("optimizer", optimizer_arrays(optimizer))}
-        arrays[GENERATOR] = generator.get_state().numpy()
-        write_checkpoint(progress.checkpoint, arrays, {**progress.identity, "step": step})
+    weights = {name: tensor.numpy() for name, tensor in network.state_dict().items()}
+    arrays = {**prefixed("network", weights), **prefixed("optimizer", optimizer_arrays(optimizer))}
+    course.keep({**arrays, GENERATOR: generator.get_state().numpy()}, {"step": step})
 
 
-def _resume(
-    network: nn.Module, optimizer: torch.optim.Optimizer, generator: torch.Generator, progress: Progress
-) -> int:
+def _resume(network: nn.Module, optimizer: torch.optim.Optimizer, generator: torch.Generator, course: Course) -> int:
     """Return to the checkpoint, where there is one; returns the steps done."""
-    if progress.checkpoint is None or not progress.checkpoint.exists():
+    kept = course.kept()
+    if kept is None:
         return 0
-    arrays, notes = read_checkpoint(progress.checkpoint, progress.identity)
+    arrays, notes = kept
     weights = under("network", arrays)
     network.load_state_dict({name: torch.from_numpy(array) for name, array in weights.items()})
     load_optimizer(optimizer, under("optimizer", arrays))

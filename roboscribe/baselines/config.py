@@ -6,10 +6,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias, get_args
 
+from roboscribe.errors import TaskError
 from roboscribe.world.layout import Layout
 
 Method: TypeAlias = Literal["bc", "chunked-bc", "deepset", "gail", "goalgail", "rlpd"]
 METHODS: tuple[Method, ...] = get_args(Method)
+
+
+def method_named(name: str) -> Method:
+    """Look a method up.
+
+    Raises:
+        TaskError: there is no such method.
+    """
+    for method in METHODS:
+        if method == name:
+            return method
+    msg = f"unknown baseline {name!r}: expected one of {', '.join(METHODS)}"
+    raise TaskError(msg)
 
 
 @dataclass(frozen=True)

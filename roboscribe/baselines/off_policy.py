@@ -12,8 +12,8 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 
-from roboscribe.baselines.cloning import Progress
 from roboscribe.baselines.config import RECIPES, BaselineConfig, Method, OffPolicyConfig, Recipe
+from roboscribe.baselines.course import Course
 from roboscribe.baselines.discriminator import Discriminator
 from roboscribe.baselines.learner_state import restore_learner, save_learner
 from roboscribe.baselines.policy import SetPolicy, set_policy
@@ -21,7 +21,6 @@ from roboscribe.baselines.replay import HindsightBuffer, Sampling, task_reward
 from roboscribe.baselines.set_sac import SetSacPolicy, copy_actor, policy_settings
 from roboscribe.baselines.transitions import Shown, check_actions, shown_transitions
 from roboscribe.baselines.world_env import WorldEnv
-from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.sac import Metrics, global_generators
 from roboscribe.rl.torch_net import single_thread
 from roboscribe.world import Task, Trajectory
@@ -98,9 +97,8 @@ def learn_off_policy(
     method: Method,
     shown: Sequence[Trajectory],
     config: BaselineConfig,
-    steps: int,
-    seed: int,
-    progress: Progress,
+    course: Course,
+    *,
     judge: Judge,
 ) -> Learned:
     """Learn a set policy from whole episodes of a task.
@@ -110,9 +108,8 @@ def learn_off_policy(
         method: one whose recipe has rollouts.
         shown: demonstrations; not looked at where the recipe has none.
         config: settings.
-        steps: control steps that may be used; what is left of a round of all rows is not.
-        seed: decides everything.
-        progress: checkpoint, which is written after every evaluation, and log.
+        course: control steps that may be used (what is left of a round of all rows is not), seed, checkpoint, which is
+            written after every evaluation, and log.
         judge: evaluates.
 
     Raises:
@@ -129,16 +126,16 @@ def learn_off_policy(
         check_actions(shown, method)
     with global_generators():
         demonstrated = shown_transitions(shown, task) if recipe.states else None
-        learner = _build(task, method, demonstrated, config, seed)
+        learner = _build(task, method, demonstrated, config, course.seed)
         teaching = _teaching(learner, recipe, demonstrated, learner_config)
-        _resume(learner, progress)
-        budget = steps // learner_config.worlds * learner_config.worlds
+        _resume(learner, course)
+        budget = course.steps // learner_config.worlds * learner_config.worlds
         while learner.model.num_timesteps < budget and not _hopeless(learner, task, learner_config):
             _advance(learner, teaching, budget, learner_config)
             rate = judge(learner.policy)
             learner.best = max(learner.best, rate)
-            progress.log({**_metrics(learner), "success": rate}, learner.model.num_timesteps)
-            _keep(learner, progress)
+            course.log({**_metrics(learner), "success": rate}, learner.model.num_timesteps)
+            _keep(learner, course)
         copy_actor(learner.model.policy, learner.policy.network)
         return Learned(learner.policy, learner.model.num_timesteps, _hopeless(learner, task, learner_config))
 
@@ -221,16 +218,16 @@ def _hopeless(learner: Learner, task: Task, config: OffPolicyConfig) -> bool:
     return several and learner.best == 0.0 and learner.model.num_timesteps >= config.hopeless_after
 
 
-def _keep(learner: Learner, progress: Progress) -> None:
+def _keep(learner: Learner, course: Course) -> None:
     """Write a checkpoint."""
-    if progress.checkpoint is not None:
-        arrays, notes = save_learner(learner.model, learner.env, learner.buffer, learner.discriminator)
-        write_checkpoint(progress.checkpoint, arrays, {**progress.identity, **notes, "best": learner.best})
+    arrays, notes = save_learner(learner.model, learner.env, learner.buffer, learner.discriminator)
+    course.keep(arrays, {**notes, "best": learner.best})
 
 
-def _resume(learner: Learner, progress: Progress) -> None:
+def _resume(learner: Learner, course: Course) -> None:
     """Return to the checkpoint, where there is one."""
-    if progress.checkpoint is not None and progress.checkpoint.exists():
-        arrays, notes = read_checkpoint(progress.checkpoint, progress.identity)
+    kept = course.kept()
+    if kept is not None:
+        arrays, notes = kept
         restore_learner(learner.model, learner.env, learner.buffer, learner.discriminator, arrays, notes)
         learner.best = float(str(notes["best"]))
