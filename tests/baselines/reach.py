@@ -50,7 +50,10 @@ class Reach:
     action_size: int = 2
     horizon: int = 30
     frequency: float = 25.0
-    layout: Layout = Layout(ObjectType("EE", (PLANE,)), (ObjectType("tip", (PLANE,), (PLANE,)),))
+
+    @property
+    def layout(self) -> Layout:
+        return Layout(ObjectType("EE", (PLANE,)), (ObjectType("tip", (PLANE,), (PLANE,)),))
 
     def solved(self, states: FloatArray) -> BoolArray:
         solved: BoolArray = np.linalg.norm(states[..., 2:4] - states[..., 4:6], axis=-1) < THERE
