@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from roboscribe.world import Attribute, Layout, ObjectType, Trajectory
+from roboscribe.world import Attribute, Layout, ObjectType, Task, Trajectory
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 PLANE = Attribute("position", ("x", "y"))
@@ -45,7 +45,7 @@ class ReachWorld:
 
 
 @dataclass(frozen=True)
-class Reach:
+class Reach(Task):
     name: str = "reach"
     action_size: int = 2
     horizon: int = 30

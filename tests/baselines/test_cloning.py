@@ -17,9 +17,9 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.errors import ArtifactError, DemonstrationError
 from roboscribe.world import Trajectory
 from tests.baselines.examples import TINY
-from tests.rl.carry_world import Carry
+from tests.baselines.reach import Reach
 
-TASK = Carry()
+TASK = Reach()
 SHOWN = TASK.demonstrate(40, seed=0)
 Clone = Callable[[Course], Policy]
 
@@ -32,7 +32,7 @@ def tiny_chunks(course: Course) -> Policy:
     return clone_chunks(TASK, SHOWN, TINY.chunks, course)
 
 
-def success(policy: Policy, task: Carry = TASK, episodes: int = 100) -> float:
+def success(policy: Policy, task: Reach = TASK, episodes: int = 100) -> float:
     """Measure a policy."""
     program = as_program(policy.method)
     seeds = np.arange(10_000, 10_000 + episodes)
@@ -44,15 +44,15 @@ def weights(policy: Policy) -> Mapping[str, bytes]:
     return {name: array.tobytes() for name, array in to_parts(policy)[1].items()}
 
 
-def test_bc_learns_to_carry() -> None:
+def test_bc_learns_to_reach() -> None:
     config = CloningConfig(batch=128)
-    policy = clone_actions(TASK, SHOWN, SetConfig(units=64), config, Course(1500))
+    policy = clone_actions(TASK, SHOWN, SetConfig(units=64), config, Course(600))
     assert success(policy) >= 0.9
 
 
-def test_chunks_learn_to_carry() -> None:
+def test_chunks_learn_to_reach() -> None:
     config = ChunkConfig(CloningConfig(batch=64, learning_rate=1e-3), actions=8, units=32, layers=1, heads=2)
-    policy = clone_chunks(TASK, SHOWN, config, Course(800))
+    policy = clone_chunks(TASK, SHOWN, config, Course(400))
     assert success(policy) >= 0.9
 
 
