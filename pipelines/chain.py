@@ -76,7 +76,7 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
         put: stores a small value.
         tell: hears what happens.
     """
-    shown, report = _demonstrations(plan, call)
+    shown, report = demonstrations(plan, call)
     if isinstance(report, Fail):
         tell(Failed(report.reason))
         return report
@@ -134,7 +134,7 @@ def program_name(task: str) -> str:
     return "".join(word[:1].upper() + word[1:] for word in words) or "P"
 
 
-def _demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
+def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
     """Return the file of usable demonstrations and what is said about it."""
     given = plan.demonstrations
     if given is None:

@@ -16,8 +16,9 @@ from roboscribe.io import saved_program
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import MANIFEST, load_program
 from stages import evaluate
-from stages.grounded import Grounded, failures, grounded
+from stages.grounded import Grounded, failures
 from stages.progress import Report, silent
+from stages.saved import open_saved
 from stages.world import TaskConfig
 
 TRAINED = Path(saved_program.__file__).resolve().parent.parent / "trained"
@@ -131,7 +132,7 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
     """
     saved = load_program(directory)
     where = TaskConfig(str(saved.manifest["task"]) if task is None else task, contact, timing)
-    return grounded(saved, where.make(), str(directory)), where
+    return open_saved(saved, where.make(), str(directory)), where
 
 
 def evaluation(program: Grounded, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from roboscribe.dsl.interpreter import execute
+from roboscribe.dsl.interpreter import Controller, execute
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.dsl.syntax import Program
@@ -17,7 +17,7 @@ from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import IntArray
 from roboscribe.world.task import Task
 from stages.progress import Progress, Report, silent
-from stages.skills import Library, as_controllers, from_parts
+from stages.skills import as_controllers, from_parts
 
 WAVE = 125
 """Episodes between two messages of progress."""
@@ -35,7 +35,7 @@ class Grounded:
     """
 
     program: Program
-    library: Library
+    library: Mapping[str, Controller]
     limits: Mapping[str, int]
     confirm: int = 3
 

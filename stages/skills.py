@@ -43,7 +43,7 @@ def to_parts(library: Library) -> tuple[dict[str, Json], dict[str, Any]]:
             descriptions[name] = {SCRIPT: script, "scales": dict(skill.scales), "seed": skill.seed}
         else:
             description, arrays = skill.to_parts()
-            descriptions[name] = _plain(description)
+            descriptions[name] = plain(description)
             weights.update({f"{name}.{part}": array for part, array in arrays.items()})
     return descriptions, weights
 
@@ -80,7 +80,7 @@ def read_library(descriptions: Path, weights: Path, task: Task) -> dict[str, Ski
     return from_parts(read_json(descriptions), arrays, task, str(weights))
 
 
-def as_controllers(library: Library) -> dict[str, Controller]:
+def as_controllers(library: Mapping[str, Controller]) -> dict[str, Controller]:
     """Return the library as the interpreter takes it."""
     return dict(library)
 
@@ -104,11 +104,11 @@ def _scripted(name: str, description: Mapping[str, Any], task: Task, where: str)
     return Lookahead(task, run, scales, int(description["seed"]))
 
 
-def _plain(value: object) -> Json:
+def plain(value: object) -> Json:
     """Return a value with tuples as JSON lists, so that it equals what is read back."""
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     assert value is None or isinstance(value, bool | int | float | str), f"{value!r} is no JSON"
     return value
