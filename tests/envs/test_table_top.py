@@ -116,7 +116,7 @@ def test_actions_move_hand_and_fingers() -> None:
     for _ in range(5):
         state = world.step(np.arange(3), np.array([[1.0, 0, 0, -1.0], [0, -0.5, 0.5, -1.0], [0, 0, 0, 1.0]]))
     moved = (state - start)[:, HAND]
-    assert 0.1 < moved[0, 0] < 0.16
+    assert 0.1 < moved[0, 0] < 0.15
     assert np.abs(moved[0, 1:]).max() < 0.01
     assert moved[1, 1] < -0.04
     assert moved[1, 2] > 0.04
@@ -263,7 +263,7 @@ def test_the_hand_crosses_above_everything() -> None:
         for rank, between in ((1, (-0.2, -0.1)), (2, (-0.1, 0.15))):
             crosses = (ranks == rank) & (hand[:, 0] > between[0]) & (hand[:, 0] < between[1])
             assert crosses.sum() >= 2
-            assert hand[crosses, 2].min() > 0.16
+            assert hand[crosses, 2].min() > 0.15
 
 
 @pytest.mark.skipif(not graphics.backends(), reason="no OpenGL library on this machine")

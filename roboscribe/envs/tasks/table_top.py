@@ -36,7 +36,7 @@ DIGIT = 1e-4
 GRASPING = ("clumsy",)
 """Styles that need something to be grasped: nothing is missed or dropped here."""
 VIEWPOINT = Viewpoint((0.0, 0.66, 0.08), 1.3, 140.0, -33.0)
-"""From where pictures show the whole table: behind the robot's left shoulder."""
+"""From where pictures show the whole table: behind the robot's right shoulder."""
 COLORS = {"mug": (0.2, 0.45, 0.85), "drawer": (0.25, 0.65, 0.3), "faucet": (0.85, 0.25, 0.2)}
 GOAL_RADIUS, GOAL_OPACITY = 0.02, 0.6
 
@@ -134,6 +134,7 @@ class TableTop(ScriptedTask):
         """Draw the scene by MuJoCo, with the goals as translucent spheres; None without OpenGL."""
         model = mujoco.MjModel.__copy__(scene.base_model())
         model.site_rgba[:, 3] = 0
+        model.light_active[1:] = 0
         return ScenePainter.opened(model, VIEWPOINT, self.markers, (width, height))
 
 
