@@ -64,6 +64,8 @@ AT = 0.07
 """The hand is at an object within this horizontal distance of where it came down on it, m."""
 TALL = 0.055
 """Objects reach this far above the height at which the hand works on them, m."""
+LOOSEN = 10.0
+"""Gain with which the hand lets go: with more it overshoots, and strikes back what it has moved."""
 LOOSE = (0.008, 0.014)
 """Distances from where the hand came down up to which it rises freely, or at all, m."""
 CALM = 0.5
@@ -173,7 +175,7 @@ def _clear(seen: Seen, move: FloatArray, left: tuple[str, ...]) -> FloatArray:
         along, gap = seen.along(job), seen.target(job) - seen.hand
         ahead = np.maximum(-(gap[:, :2] * along).sum(axis=1), WORK[job].closest)
         beside = (np.linalg.norm(gap[:, :2], axis=1) < AT) & (gap[:, 2] > -TALL)
-        back = np.column_stack([-GAIN * ahead[:, None] * along, move[:, 2] * (1.0 - _ramp(abs(ahead), *LOOSE))])
+        back = np.column_stack([-LOOSEN * ahead[:, None] * along, move[:, 2] * (1.0 - _ramp(abs(ahead), *LOOSE))])
         move = np.where(beside[:, None], back, move)
     return move
 

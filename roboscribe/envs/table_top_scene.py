@@ -33,8 +33,10 @@ TURN = (1.0, 0.0, 1.0, 0.0)
 """Orientation of the hand: fingers down, opening along y."""
 OPEN = 0.1
 """Distance between open fingers, m."""
-GRAB = 1.0
-"""Friction of the drawer's rail, N: without it an opened drawer coasts, and closes when the hand leaves."""
+GRAB = 2.0
+"""Friction of the drawer's rail, N: without it an opened drawer coasts, and closes when the hand leaves; with half of
+it, when the hand strikes it.
+"""
 ROLL = 1e-3
 """Damping of the mug's motion, N m s/rad: without it a mug that has tipped over rolls to and fro for ever."""
 SETTLE = 2.0
