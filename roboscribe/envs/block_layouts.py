@@ -41,6 +41,7 @@ class Room:
         gap: no block starts within this distance of a goal, m.
         apart: blocks start farther than this from each other, m.
         goals: goals on the table are farther than this from each other, m.
+        reach: goals on the table lie within this distance of the hand along x and y, m.
     """
 
     side: tuple[float, float]
@@ -48,6 +49,7 @@ class Room:
     gap: float = GOAL_GAP
     apart: float = BLOCK_GAP
     goals: float = GOAL_GAP
+    reach: float = RANGE
 
 
 FINGERS = (0.042, 0.095)
@@ -58,8 +60,8 @@ STACK = Room(FINGERS, (0.078, 0.102), 0.09)
 """Palm and wrist find room beside a stack, too."""
 CROWDED = Room((0.0, 0.0), (0.0, 0.0))
 """Distances alone; some blocks cannot be picked where they are."""
-PUSH = Room((0.0, 0.0), (0.0, 0.0), 0.08, 0.10, 0.10)
-"""A block at its goal touches none that has not been pushed yet."""
+PUSH = Room((0.0, 0.0), (0.0, 0.0), 0.08, 0.10, 0.10, 0.12)
+"""A block at its goal touches none that has not been pushed yet, and does not lie right at the table's edge."""
 PUSH_CROWDED = Room((0.0, 0.0), (0.0, 0.0), 0.05, 0.10, 0.10)
 """Distances of the pushing task of the paper."""
 LINE = Room((0.0, 0.0), (0.12, 0.08), 0.08, 0.10)
@@ -81,6 +83,7 @@ def scatter(
     gap: float,
     side: tuple[float, float],
     barred: Callable[[FloatArray], BoolArray] | None = None,
+    reach: float = RANGE,
 ) -> FloatArray | None:
     """Draw `count` points (n, 2) around the hand, one after the other, that do not crowd each other.
 
@@ -90,13 +93,14 @@ def scatter(
         gap: distance from each other, m.
         side: see `Room`.
         barred: tells which points (K, 2) may not be.
+        reach: greatest distance along x and y, m.
 
     Returns:
         The points, or None where a point found no room.
     """
     points = np.empty((0, 2))
     for _ in range(count):
-        found = rng.uniform(-RANGE, RANGE, size=(TRIES, 2))
+        found = rng.uniform(-reach, reach, size=(TRIES, 2))
         found = found[~crowded(found, points, gap, side)]
         found = found if barred is None else found[~barred(found)]
         if len(found) == 0:
@@ -152,7 +156,7 @@ def on_table(rng: Generator, count: int, room: Room) -> FloatArray | None:
 
 def flat(rng: Generator, count: int, room: Room) -> FloatArray | None:
     """Goals on the table."""
-    places = scatter(rng, count, room.goals, room.side)
+    places = scatter(rng, count, room.goals, room.side, reach=room.reach)
     return None if places is None else np.hstack([places, np.zeros((count, 1))])
 
 
