@@ -278,8 +278,8 @@ def ui(
     home: HomeDir = Path(),
 ) -> None:
     """Show what was tracked in MLflow's interface, on 127.0.0.1 only."""
-    from pipelines.home import Home
     from pipelines import interface
+    from pipelines.home import Home
 
     _say(f"http://127.0.0.1:{port}")
     interface.serve(Home(home), port)

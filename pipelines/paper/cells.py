@@ -9,23 +9,28 @@ from time import perf_counter
 from typing import Protocol
 
 from pipelines.audience import Audience
+from pipelines.baseline import BaselinePlan, BaselineSession
 from pipelines.chain import Plan
 from pipelines.checkout import checkout_commit
 from pipelines.home import Home
 from pipelines.session import Session, Tally
+from roboscribe.baselines.config import RECIPES, method_named
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.rl.config import TrainConfig
 from roboscribe.subtask_tree import ROOT
-from stages import collect, evaluate, transfer
+from stages import baseline, collect, evaluate, transfer
 from stages.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
 from stages.files import OUTCOME, PROGRAM, program_bytes, read_json
 from stages.package import DIRECTORY
-from stages.paper.rows import NO_PROGRAM, Point, Record, Trial, write_record
+from stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
 from stages.skills import DESCRIPTIONS, WEIGHTS
 from stages.store import TIMING, Inputs, Stage, Store
 from stages.train import LIMITS
 from stages.world import DEMONSTRATIONS
+
+CHECKED = baseline.Config.episodes
+"""Episodes of each evaluation during the training of a baseline."""
 
 
 @dataclass(frozen=True)
@@ -121,9 +126,39 @@ class CellConfig:
     code: str
 
 
+@dataclass(frozen=True)
+class Training:
+    """A baseline, trained and measured.
+
+    Args:
+        trial: what is run.
+    """
+
+    trial: Trial
+
+    def __str__(self) -> str:
+        """Return the trial's name."""
+        return str(self.trial)
+
+    def run(self, place: Place, audience: Audience) -> Path:
+        """Train, then measure; leaves `cell.json` and `program/`."""
+        trial = self.trial
+        given = demonstrations(trial, place, audience)
+        plan = BaselinePlan(
+            method_named(trial.method), trial.task, trial.seed, trial.budget, given, trial.shown, trial.episodes
+        )
+        session = BaselineSession(plan, place.home, "local", track=place.track)
+        identity = CellConfig(session.key(), CHECKED, _own_code())
+
+        def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
+            _train(plan, place, audience, out)
+
+        return place.store.run(Stage("cell", CellConfig, work), identity, {})
+
+
 def cell_of(trial: Trial) -> Cell:
     """Return the cell of a trial."""
-    return Synthesis(trial)
+    return Synthesis(trial) if trial.method == OURS else Training(trial)
 
 
 def planned(trial: Trial, given: Path | None = None) -> Plan:
@@ -219,6 +254,32 @@ def _synthesize(plan: Plan, checked: int, place: Place, audience: Audience, out:
         refinements = int(str(result["refinements"]))
         record = Record((*points, last), witness.profile, witness.digest, commit, refinements)
     write_record(out, record)
+
+
+def _train(plan: BaselinePlan, place: Place, audience: Audience, out: Path) -> None:
+    """Do the work of a baseline's cell."""
+    commit, witness = checkout_commit(), Witness(audience)
+    session = BaselineSession(plan, place.home, "local", out / DIRECTORY, place.track)
+    result = session.run(Audience(audience.begin, witness.listen, audience.watch))
+    profile = RECIPES[plan.method].profile
+    if isinstance(result, Fail):
+        last = Point(0, 0, plan.episodes, witness.took, final=True)
+        record = Record((last,), profile, witness.digest, commit, ended=NO_PROGRAM, reason=result.reason)
+    else:
+        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        ended = GIVEN_UP if result["hopeless"] else ""
+        record = Record((*_on_the_way(result["curve"]), last), profile, witness.digest, commit, ended=ended)
+    write_record(out, record)
+
+
+def _on_the_way(curve: Json) -> tuple[Point, ...]:
+    """Read the evaluations during a training; a journal says when they were, not how long it had taken."""
+    assert isinstance(curve, list), "a list of figures by step"
+    measured = [point for point in curve if isinstance(point, Mapping) and "success" in point]
+    return tuple(
+        Point(int(str(point["step"])), round(float(str(point["success"])) * CHECKED), CHECKED, None)
+        for point in measured
+    )
 
 
 def _successes(result: Mapping[str, Json]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pipelines.paper.experiment import QUICK_STEPS, Options
+from roboscribe.baselines.config import METHODS
 from roboscribe.errors import TaskError
 from stages.paper.rows import OURS
 from stages.paper.values import REPORTED
@@ -17,7 +18,7 @@ MOST_QUICK = (OURS, "bc")
 
 def every_method() -> tuple[str, ...]:
     """List programs and all baselines."""
-    return (OURS,)
+    return (OURS, *METHODS)
 
 
 def check_method(name: str) -> str:

@@ -80,15 +80,19 @@ def _tables(named: pd.DataFrame, tasks: Sequence[str]) -> str:
 def _summary(task: str, line: str, rows: pd.DataFrame) -> list[str]:
     last, runs = finals(rows).sort_values("seed"), runs_of(rows)
     found = spread([last["success"].tolist()])
-    each = ", ".join(_one(success, ended) for success, ended in zip(last["success"], last["ended"], strict=True))
+    ends = zip(last["success"], last["ended"], last["control_steps"], strict=True)
+    each = ", ".join(_one(*end) for end in ends)
     clone = bool((rows["control_steps"] == 0).all())
     steps = "-" if clone else spell_steps(median_steps([steps_until(points, GOOD) for points in runs.values()]))
     shown = [percent(found.mean), spell_spread(found), each, steps, percent(paper_end(task, line))]
     return [task, line, seed_list(sorted(runs)).removeprefix("seeds ").removeprefix("seed "), *shown]
 
 
-def _one(success: float, ended: str) -> str:
-    return f"{percent(success)}{f' ({ended})' if ended in (NO_PROGRAM, GIVEN_UP) else ''}"
+def _one(success: float, ended: str, steps: int) -> str:
+    """Spell how one seed ended."""
+    if ended == GIVEN_UP:
+        return f"0 up to {spell_steps(steps)}"
+    return f"{percent(success)}{f' ({ended})' if ended == NO_PROGRAM else ''}"
 
 
 def _elsewhere(named: pd.DataFrame) -> str:

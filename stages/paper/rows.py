@@ -78,14 +78,14 @@ class Point:
         control_steps: that the method had used.
         successes: of the evaluation.
         episodes: of the evaluation.
-        seconds: that trainings and rollouts had taken.
+        seconds: that the method had taken; None where that is not known.
         final: whether it is the last one.
     """
 
     control_steps: int
     successes: int
     episodes: int
-    seconds: float
+    seconds: float | None
     final: bool = False
 
 
@@ -146,7 +146,7 @@ def _row(trial: Trial, record: Record, point: Point) -> Row:
         "success": point.successes / point.episodes,
         "ci_low": round(low, 6),
         "ci_high": round(high, 6),
-        "wall_seconds": round(point.seconds, 1),
+        "wall_seconds": None if point.seconds is None else round(point.seconds, 1),
         "demonstrations": record.demonstrations,
         "contact": trial.task.contact,
         "timing": trial.task.timing,
