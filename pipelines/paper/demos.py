@@ -33,7 +33,7 @@ WAYS: dict[str, tuple[Way, ...]] = {
     demos.TASK: (*SIZES, *STYLES),
     "tower-5": tuple((size, "default", 0.0) for size in (10, 20)),
 }
-"""How each task is shown; other tasks as the first one."""
+"""How each task is shown; other tasks in the usual style, which is all that some of them know."""
 QUICK_WAYS: tuple[Way, ...] = ((10, "default", 0.0), (50, "default", 0.0))
 
 
@@ -58,7 +58,7 @@ def trials_of(options: Options, tasks: Sequence[str]) -> list[Trial]:
 
 def ways_of(task: str, *, quick: bool) -> tuple[Way, ...]:
     """Return how a task is shown."""
-    return QUICK_WAYS if quick else WAYS.get(task, WAYS[demos.TASK])
+    return QUICK_WAYS if quick else WAYS.get(task, SIZES)
 
 
 def draw_demos(options: Options, desk: Desk, console: Console) -> Done:
