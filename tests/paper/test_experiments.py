@@ -135,8 +135,9 @@ def test_demonstrations_of_another_style_are_collected_first(tmp_path: Path) -> 
     )
 
 
-def test_only_the_guard_is_learned_again(tmp_path: Path) -> None:
-    """A program that places blocks in any order is shown a tower, and its loop takes the lowest goal first."""
+def test_only_the_guard_is_learned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A program that places blocks in any order is shown 30 towers, and its loop takes the lowest goal first."""
+    monkeypatch.setattr("pipelines.paper.confined.SHOWN", 30)
     experiment = Confinement("point-place-3", TOWER)
     options = replace(SMALL, tasks=(), seeds=1, episodes=20)
     done = measure_confined(experiment, options, desk(tmp_path), Console(file=io.StringIO()))
@@ -144,7 +145,7 @@ def test_only_the_guard_is_learned_again(tmp_path: Path) -> None:
     assert done.failures == ()
     assert list(found.index) == ["old guard", "new guard"]
     assert found.loc["new guard", "successes"] == 20
-    assert found.loc["new guard", "shown"] == 10
+    assert found.loc["new guard", "shown"] == 30
     assert "∃b'" not in found.loc["old guard", "loop"]
     assert "g(b')↓z < g(b)↓z" in found.loc["new guard", "loop"]
     before = contents(tmp_path / "report")
