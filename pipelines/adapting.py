@@ -64,7 +64,7 @@ def adapt_saved(directory: Path, demonstrations: Path, task: str | None = None) 
     if isinstance(adapted, Fail):
         return adapted
     new = _changed(saved, adapted.program, where.name, read.digest)
-    pairs = zip(_loop_lines(pretty(program)), _loop_lines(new.program_text), strict=True)
+    pairs = zip(loop_lines(pretty(program)), loop_lines(new.program_text), strict=True)
     return Adaptation(new, tuple(pairs), where.name)
 
 
@@ -77,7 +77,7 @@ def _changed(saved: SavedProgram, program: Program, task: str, digest: str) -> S
     return replace(saved, program_text=pretty(program), manifest={**saved.manifest, **stated}, edited=False)
 
 
-def _loop_lines(program: str) -> list[str]:
+def loop_lines(program: str) -> list[str]:
     """List the lines that begin loops over entities."""
     return [line.strip() for line in program.splitlines() if line.strip().startswith("while") and ":= get(" in line]
 

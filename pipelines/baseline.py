@@ -183,7 +183,7 @@ class BaselineSession:
             What `roboscribe baseline --json` writes, or why nothing can be learned from the demonstrations.
         """
         start, commit = perf_counter(), checkout_commit()
-        directory = self.home.data / "runs" / self._key()
+        directory = self.home.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
             plan = self.plan
@@ -255,7 +255,7 @@ class BaselineSession:
             "program_dir": str(out.resolve()),
         }
 
-    def _key(self) -> str:
+    def key(self) -> str:
         """Identify the run: the same plan, demonstrations and code give the same key."""
         given = self.plan.demonstrations
         digest = None if given is None or not given.is_file() else sha256_of(given)

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -19,14 +19,13 @@ from rich.text import Text
 
 from pipelines import baseline_command, looking
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
+from pipelines.paper.commands import paper
 from roboscribe.errors import RoboScribeError
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
     from roboscribe.world.layout import ObjectType
     from stages.progress import Report
-
-T = TypeVar("T")
 
 SOLVED, BAD_INPUT, FAIL, INTERRUPTED = 0, 2, 3, 130
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -38,7 +37,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
 app.add_typer(paper, name="paper")
 console = Console(highlight=False)
 
@@ -266,38 +264,12 @@ def programs() -> None:
     console.print(table)
 
 
-@paper.command()
-def towers(
-    seeds: Annotated[int, typer.Option(min=1, help="programs per tower that are synthesized")] = 3,
-    trained: Annotated[
-        list[int] | None, typer.Option(help="blocks of a tower to synthesize for; repeatable; left out: 4 and 5")
-    ] = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes of each measurement")] = 500,
-    contact: Annotated[
-        list[str] | None, typer.Option(help="contact model to measure under; repeatable; left out: stable and paper")
-    ] = None,
-    engine: Annotated[Engine, typer.Option(help="what runs syntheses and measurements")] = Engine.prefect,
-    program: Annotated[
-        list[str] | None, typer.Option(help=f"measure this program, synthesize none: {PROGRAM_HELP}; repeatable")
-    ] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="directory for the report")] = None,
-    home: HomeDir = Path(),
-) -> None:
-    """Measure how programs for one tower build others (Sec. 5.2); the same command goes on where it was interrupted."""
-    from pipelines.home import Home
-    from pipelines.paper_towers import Experiment, TowersSession
+@app.command()
+def serve(home: HomeDir = Path()) -> None:
+    """Offer the scheduled runs of the paper's experiments to a Prefect server, one at a time, until interrupted."""
+    from pipelines.paper.schedule import offer
 
-    usual = Experiment()
-    sizes, contacts = _several(trained, usual.trained), _several(contact, usual.contacts)
-    experiment = Experiment(sizes, seeds, episodes, contacts, _several(program, ()))
-    _make_room(*([] if out is None else [out / "report"]))
-    session = TowersSession(experiment, Home(home), "local" if engine is Engine.local else "prefect", out)
-    report = session.run(console)
-    _say(report.summary)
-    for failure in report.failures:
-        _say(f"FAIL: {failure}")
-    if report.failures:
-        raise typer.Exit(FAIL)
+    offer(home)
 
 
 @app.command()
@@ -306,11 +278,11 @@ def ui(
     home: HomeDir = Path(),
 ) -> None:
     """Show what was tracked in MLflow's interface, on 127.0.0.1 only."""
+    from pipelines import interface
     from pipelines.home import Home
-    from pipelines.interface import serve
 
     _say(f"http://127.0.0.1:{port}")
-    serve(Home(home), port)
+    interface.serve(Home(home), port)
 
 
 app.registered_commands += [*baseline_command.app.registered_commands, *looking.app.registered_commands]
@@ -365,11 +337,6 @@ def _make_room(*files: Path) -> None:
         except OSError as error:
             msg = f"{file}: its directory cannot be made ({error.strerror})"
             raise ArtifactError(msg) from error
-
-
-def _several(given: Sequence[T] | None, usual: tuple[T, ...]) -> tuple[T, ...]:
-    """Return what was given, each value once, or else what is usual."""
-    return tuple(dict.fromkeys(given or usual))
 
 
 @contextmanager

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from roboscribe.io.atomic import write_files
@@ -14,6 +15,27 @@ from stages.tracking import IDENTITY
 log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True)
+class Child:
+    """One part of an experiment, tracked as a child run.
+
+    Args:
+        name: of the run.
+        params: by name.
+        metrics: figures of its end, by name.
+        curve: success by control steps.
+        demonstrations: SHA-256 of what it learned from; "" where there was nothing.
+        tags: by name.
+    """
+
+    name: str
+    params: Mapping[str, str]
+    metrics: Mapping[str, float]
+    curve: tuple[tuple[int, float], ...] = ()
+    demonstrations: str = ""
+    tags: Mapping[str, str] = field(default_factory=dict)
+
+
 def track_experiment(
     directory: Path,
     mlruns: Path,
@@ -22,6 +44,8 @@ def track_experiment(
     params: Mapping[str, str],
     metrics: Mapping[str, float],
     files: Mapping[str, bytes],
+    tags: Mapping[str, str] | None = None,
+    children: Sequence[Child] = (),
 ) -> str | None:
     """Journal a finished experiment and copy it into MLflow; telling the same again changes nothing.
 
@@ -33,6 +57,8 @@ def track_experiment(
         params: by name.
         metrics: by name.
         files: content of the artifacts by name.
+        tags: by name.
+        children: its parts, each a run of its own.
 
     Returns:
         MLflow's run id; None where the store could not be reached, `roboscribe ui` copies the journal then.
@@ -41,18 +67,16 @@ def track_experiment(
     kept.mkdir(parents=True, exist_ok=True)
     write_files({kept / name: data for name, data in files.items()})
     journal = Journal(directory / JOURNAL, IDENTITY)
-
-    def note(kind: str, key: str, value: str | float, folder: str = "") -> None:
-        journal.append({"run": PARENT, "kind": kind, "key": key, "value": value, "step": 0, "folder": folder})
-
+    note = _Notes(journal, PARENT)
     note("run", "title", title)
     note("run", "experiment", experiment)
-    for name, text in params.items():
-        note("param", name, text)
-    for name, value in metrics.items():
-        note("metric", name, value)
+    note.all("param", params)
+    note.all("metric", metrics)
+    note.all("tag", tags or {})
     for name in files:
         note("artifact", name, str(kept / name))
+    for child in children:
+        _tell(_Notes(journal, child.name), child)
     note("status", "FINISHED", "FINISHED")
     try:
         open_copier(directory, mlruns).copy()
@@ -60,3 +84,30 @@ def track_experiment(
         line = str(error).splitlines()[0]
         log.warning("the tracking store %s is behind (%s); the journal %s is kept", mlruns, line, journal.path)
     return run_id_of(directory)
+
+
+@dataclass(frozen=True)
+class _Notes:
+    """Journals what concerns one run."""
+
+    journal: Journal
+    run: str
+
+    def __call__(self, kind: str, key: str, value: str | float, step: int = 0) -> None:
+        self.journal.append({"run": self.run, "kind": kind, "key": key, "value": value, "step": step, "folder": ""})
+
+    def all(self, kind: str, values: Mapping[str, str] | Mapping[str, float]) -> None:
+        for key, value in values.items():
+            self(kind, key, value)
+
+
+def _tell(note: _Notes, child: Child) -> None:
+    """Journal a part of an experiment."""
+    note.all("param", child.params)
+    note.all("metric", child.metrics)
+    for steps, success in child.curve:
+        note("metric", "curve/success", success, steps)
+    if child.demonstrations:
+        note("input", "demonstrations", child.demonstrations)
+    note.all("tag", child.tags)
+    note("status", "FINISHED", "FINISHED")

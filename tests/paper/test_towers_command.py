@@ -8,41 +8,44 @@ import sqlite3
 import subprocess
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 from rich.console import Console
 
-from pipelines import paper_towers
 from pipelines.chain import Plan
 from pipelines.home import Home
-from pipelines.paper_towers import Experiment, Report, TowersSession, planned
+from pipelines.paper import cells
+from pipelines.paper.experiment import Desk, Done, Options
+from pipelines.paper.running import Runner
+from pipelines.paper.towers import Experiment, measure_towers
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.saved_program import load_program, save_program
 from roboscribe.synthesize import Limits
 from stages import transfer
 from stages.mlflow_store import synchronise
+from stages.paper.rows import Trial
 from stages.store import Stage
 from stages.world import TaskConfig
-from tests.pipelines.runs import TASK, Command, contents, run, scripted
+from tests.pipelines.runs import Command, contents, run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 
 EPISODES = 6
 TASKS = ("point-pick-place-1", "point-tower-3")
 """The scripted program solves the first; in the second it takes care of one object of three."""
-SMALL = Experiment(episodes=EPISODES, tasks=TASKS)
-NAMES = {"towers.csv", "towers.md", "towers.png"}
+SMALL = Options(episodes=EPISODES, tasks=TASKS)
+NAMES = {"towers.csv", "towers.md", "towers.png", "towers.svg", "manifest.json"}
 SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
 from pipelines.home import Home
-from pipelines.paper_towers import TowersSession
-from tests.pipelines.test_paper_towers import SMALL, replace
-experiment = replace(SMALL, programs=(sys.argv[1],))
-TowersSession(experiment, Home(Path(sys.argv[2])), "prefect", Path(sys.argv[3]), track=False).run(Console())
+from pipelines.paper.experiment import Desk
+from pipelines.paper.towers import Experiment, measure_towers
+from tests.paper.test_towers_command import SMALL, replace
+options = replace(SMALL, programs=(sys.argv[1],))
+measure_towers(Experiment(), options, Desk(Home(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False), Console())
 """
 
 
@@ -56,11 +59,14 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home / "tower"
 
 
-def conduct(experiment: Experiment, home: Path, *, track: bool = False) -> tuple[Report, str]:
-    """Run an experiment without Prefect; returns its report and what was said."""
+def conduct(
+    options: Options, home: Path, *, track: bool = False, experiment: Experiment | None = None
+) -> tuple[Done, str]:
+    """Run an experiment without Prefect; returns what it leaves and what was said."""
     said = io.StringIO()
     console = Console(file=said, width=200)
-    return TowersSession(experiment, Home(home), "local", home / "report", track).run(console), said.getvalue()
+    desk = Desk(Home(home), Runner("local"), home / "report", track)
+    return measure_towers(experiment or Experiment(), options, desk, console), said.getvalue()
 
 
 def read(home: Path) -> pd.DataFrame:
@@ -79,7 +85,7 @@ def test_a_given_program_is_measured_everywhere(made: Path, tmp_path: Path) -> N
     assert list(table["successes"]) == [EPISODES, 0, EPISODES, 0]
     assert "tower-4 seed 2 on point-pick-place-1, paper contact: 100.0 % (61.0 to 100.0)" in said
     assert report.summary == (tmp_path / "report" / "towers.md").read_text()
-    assert "| tower-4 | point-tower-3 | 0.0 | 0.0 | - |" in report.summary
+    assert "| tower-4 | roboscribe | point-tower-3 | 0.0 | 0.0 | - | - |" in report.summary
     assert set(contents(tmp_path / "report")) == NAMES
     assert not (tmp_path / "data" / "stages" / "train").exists()
 
@@ -97,39 +103,47 @@ def test_measurements_are_not_repeated(made: Path, tmp_path: Path, monkeypatch: 
 
     work.__module__ = transfer.run.__module__
     monkeypatch.setattr(transfer, "STAGE", Stage("transfer", transfer.Config, work))
-    experiment = replace(SMALL, programs=(str(made),))
+    options = replace(SMALL, programs=(str(made),))
     with pytest.raises(KeyboardInterrupt):
-        conduct(experiment, tmp_path)
+        conduct(options, tmp_path)
     assert not (tmp_path / "report").exists()
-    conduct(experiment, tmp_path)
+    conduct(options, tmp_path)
     assert len(begun) == 5
     assert begun[2] == begun[3]
-    conduct(experiment, tmp_path)
+    conduct(options, tmp_path)
     assert len(begun) == 5
     assert len(read(tmp_path)) == 4
 
 
-def test_programs_are_synthesized_for_every_tower_and_seed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def small_syntheses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Synthesize for a point task where towers are asked for; that of 4 blocks with seed 1 finds no program."""
+
+    def plan(trial: Trial, given: Path | None = None) -> Plan:
+        limits = Limits(refinements=0 if (trial.task.name, trial.seed) == ("tower-4", 1) else 12)
+        return scripted(trial.seed, limits=limits)
+
+    assert (cells.planned(Trial(TaskConfig("tower-5"), seed=2)).task.name, 2) == ("tower-5", 2)
+    monkeypatch.setattr(cells, "planned", plan)
+
+
+@pytest.mark.usefixtures("small_syntheses")
+def test_programs_are_synthesized_for_every_tower_and_seed(tmp_path: Path) -> None:
     """One synthesis that fails does not keep the others from being measured."""
-
-    def plan(blocks: int, seed: int) -> Plan:
-        return scripted(seed, limits=Limits(refinements=0 if (blocks, seed) == (4, 1) else 12))
-
-    assert (planned(5, 2).task, planned(5, 2).seed) == (TaskConfig("tower-5"), 2)
-    monkeypatch.setattr(paper_towers, "planned", plan)
-    experiment = Experiment((4, 5), 2, EPISODES, ("stable",), tasks=TASKS[:1])
-    report, said = conduct(experiment, tmp_path)
+    options = replace(SMALL, tasks=TASKS[:1], seeds=2)
+    report, said = conduct(options, tmp_path, experiment=Experiment((4, 5), ("stable",)))
     table = read(tmp_path)
     assert list(zip(table["trained"], table["seed"], strict=True)) == [(4, 0), (5, 0), (5, 1)]
     assert set(table["successes"]) == {EPISODES}
     assert len(report.failures) == 1
-    assert report.failures[0].startswith(f"{TASK.name} seed 1: ")
+    assert report.failures[0].startswith("roboscribe tower-4 seed 1: ")
     assert "refinement 1: hold" in said
+    assert report.failures[0] in report.summary
 
 
 def test_nothing_to_measure_leaves_no_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper_towers, "planned", lambda blocks, seed: scripted(limits=Limits(refinements=0)))
-    report, _ = conduct(Experiment((4,), 1, EPISODES, ("stable",), tasks=TASKS), tmp_path)
+    monkeypatch.setattr(cells, "planned", lambda trial, given=None: scripted(limits=Limits(refinements=0)))
+    report, _ = conduct(replace(SMALL, seeds=1), tmp_path, experiment=Experiment((4,), ("stable",)))
     assert (report.summary, len(report.failures)) == ("", 1)
     assert not (tmp_path / "report").exists()
 
@@ -137,19 +151,18 @@ def test_nothing_to_measure_leaves_no_report(tmp_path: Path, monkeypatch: pytest
 def test_one_run_in_mlflow(made: Path, tmp_path: Path) -> None:
     """Parameters, a metric per cell, and the report; the same experiment once more is the same run."""
     mlruns = empty_store(tmp_path / "mlruns")
-    experiment = replace(SMALL, programs=(str(made),))
-    report, _ = conduct(experiment, tmp_path, track=True)
-    again, _ = conduct(experiment, tmp_path, track=True)
+    options = replace(SMALL, programs=(str(made),))
+    report, _ = conduct(options, tmp_path, track=True)
+    again, _ = conduct(options, tmp_path, track=True)
     assert report.run_id is not None
     assert report.run_id == again.run_id
-    assert statuses(mlruns) == {"paper towers": "FINISHED"}
+    assert set(statuses(mlruns).values()) == {"FINISHED"}
     assert ("paper towers",) in rows(mlruns, "select name from experiments")
-    params = dict(rows(mlruns, "select key, value from params"))  # type: ignore[arg-type]  # two columns
-    assert params == {"episodes": "6", "seeds": "2", "trained": "4", "contacts": "stable, paper"}
-    assert rows(mlruns, "select count(*) from metrics") == [(4,)]
+    names = {f"roboscribe tower-4 seed 2 on {task}, {c} contact" for task in TASKS for c in ("stable", "paper")}
+    assert set(statuses(mlruns)) == {"paper towers", *names}
     for task, rate in zip(TASKS, (1.0, 0.0), strict=True):
-        assert points(mlruns, f"{task}.trained-4.paper-contact") == [("paper towers", 0, rate)]
-    assert {path.name for path in (mlruns / "artifacts").rglob("towers.*")} == NAMES
+        assert (f"roboscribe tower-4 seed 2 on {task}, paper contact", 0, rate) in points(mlruns, "success")
+    assert {path.name for path in (mlruns / "artifacts").rglob("towers.*")} == NAMES - {"manifest.json"}
 
 
 def test_an_unreachable_store_is_filled_later(made: Path, tmp_path: Path) -> None:
@@ -160,7 +173,7 @@ def test_an_unreachable_store_is_filled_later(made: Path, tmp_path: Path) -> Non
     (tmp_path / "mlruns").unlink()
     empty_store(tmp_path / "mlruns")
     synchronise(tmp_path / "data" / "runs", tmp_path / "mlruns")
-    assert statuses(tmp_path / "mlruns") == {"paper towers": "FINISHED"}
+    assert statuses(tmp_path / "mlruns")["paper towers"] == "FINISHED"
 
 
 def test_with_prefect_every_measurement_is_a_task_run(made: Path, tmp_path: Path) -> None:
@@ -179,11 +192,12 @@ def test_with_prefect_every_measurement_is_a_task_run(made: Path, tmp_path: Path
 
 
 def test_towers_from_the_command_line(
-    command: Command, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    command: Command, made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(paper_towers, "Experiment", partial(Experiment, tasks=TASKS[:1]))
     empty_store(tmp_path / "home" / "mlruns")
     options = [
+        "--task",
+        TASKS[0],
         "--episodes",
         3,
         "--contact",
@@ -198,17 +212,17 @@ def test_towers_from_the_command_line(
     assert command("paper", "towers", "--program", made, *options) == 0
     said = capsys.readouterr().out
     assert "tower-4 seed 2 on point-pick-place-1, paper contact: 100.0 %" in said
-    assert said.rstrip().endswith("| tower-4 | point-pick-place-1 | 100.0 | - |")
+    assert "| tower-4 | roboscribe | point-pick-place-1 | 100.0 | - | - |" in said
     assert set(contents(tmp_path / "r")) == NAMES
 
 
 def test_failures_have_exit_code_3(
     command: Command, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(paper_towers, "planned", lambda blocks, seed: scripted(limits=Limits(refinements=0)))
+    monkeypatch.setattr(cells, "planned", lambda trial, given=None: scripted(limits=Limits(refinements=0)))
     given = ["--trained", 4, "--seeds", 1, "--engine", "local"]
     assert command("paper", "towers", *given) == 3
-    assert capsys.readouterr().out.count("FAIL: point-pick-place-1 seed 0: ") == 1
+    assert capsys.readouterr().out.count("FAIL: roboscribe tower-4 seed 0: ") == 1
 
 
 @pytest.mark.parametrize(

@@ -15,19 +15,10 @@ from roboscribe.io.saved_program import SavedProgram, save_program
 from stages import transfer
 from stages.evaluate import wilson
 from stages.files import OUTCOME, read_json
-from stages.paper_values import TASKS, paper_success
+from stages.paper.report import About, report_files
+from stages.paper.towers import Measurement, draw, report, summarise, tabulate
+from stages.paper.values import RENN, TASKS, paper_success
 from stages.store import Store
-from stages.transfer_report import (
-    CSV,
-    MARKDOWN,
-    PICTURE,
-    Measurement,
-    cell_means,
-    draw,
-    report_files,
-    summarise,
-    tabulate,
-)
 from stages.world import TaskConfig
 
 ABOUT = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
@@ -43,6 +34,7 @@ def test_the_paper_s_figures() -> None:
     assert len(TASKS) == 16
     assert {"tower-4", "tower-7", "multitower-4", "multitower-9", "pyramid-4", "pyramid-9"} <= set(TASKS)
     assert not {"tower-8", "pyramid-3", "multitower-10"} & set(TASKS)
+    assert paper_success(4, "tower-5", RENN) == pytest.approx(0.013)
     for task in TASKS:
         assert TaskConfig(task).make().horizon == 50 * int(task.rpartition("-")[2])
 
@@ -85,10 +77,10 @@ def table() -> pd.DataFrame:
 
 
 def test_a_row_per_measurement(table: pd.DataFrame) -> None:
-    found = pd.read_csv(io.BytesIO(report_files(table)[CSV]))
+    found = pd.read_csv(io.BytesIO(report_files(report(table, quick=False), About("towers"))["towers.csv"]))
     assert list(found) == [
-        "trained", "seed", "contact", "task", "successes", "episodes", "success", "ci_low", "ci_high",
-        "control_steps", "paper",
+        "trained", "method", "seed", "contact", "task", "successes", "episodes", "success", "ci_low", "ci_high",
+        "control_steps", "paper", "renn", "timing", "quick", "commit",
     ]  # fmt: skip
     first, last = found.iloc[0], found.iloc[-1]
     assert (first["trained"], first["seed"], first["contact"], first["task"]) == (4, 0, "stable", "tower-5")
@@ -100,29 +92,20 @@ def test_a_row_per_measurement(table: pd.DataFrame) -> None:
 
 def test_the_summary_is_a_mean_over_programs(table: pd.DataFrame) -> None:
     lines = summarise(table).splitlines()
-    assert "| trained on | task | stable contact | paper contact | paper |" in lines
-    assert "| tower-4 | tower-5 | 80.0 (70.0 to 90.0) | 55.0 (50.0 to 60.0) | 55.0 |" in lines
-    assert "| tower-4 | pyramid-4 | 100.0 (100.0 to 100.0) | - | 90.0 |" in lines
-    assert "| tower-2 | tower-3 | 0.0 | - | - |" in lines
+    assert "| trained on | method | task | stable contact | paper contact | paper | ReNN |" in lines
+    assert "| tower-4 | roboscribe | tower-5 | 80.0 (70.0 to 90.0) | 55.0 (50.0 to 60.0) | 55.0 | 1.3 |" in lines
+    assert "| tower-4 | roboscribe | pyramid-4 | 100.0 (100.0 to 100.0) | - | 90.0 | 62.0 |" in lines
+    assert "| tower-2 | roboscribe | tower-3 | 0.0 | - | - | - |" in lines
     assert lines[0].endswith("seeds 0, 1, 5; 100 episodes each.")
-    assert report_files(table)[MARKDOWN].decode().splitlines() == lines
-
-
-def test_a_mean_per_cell(table: pd.DataFrame) -> None:
-    assert cell_means(table) == pytest.approx(
-        {
-            "tower-5.trained-4.stable-contact": 0.8,
-            "tower-5.trained-4.paper-contact": 0.55,
-            "pyramid-4.trained-4.stable-contact": 1.0,
-            "tower-3.trained-2.stable-contact": 0.0,
-        }
-    )
 
 
 def test_the_picture_shows_the_figures(table: pd.DataFrame) -> None:
     """It is a picture, the same each time, and another one for other figures."""
-    picture = report_files(table)[PICTURE]
-    assert Image.open(io.BytesIO(picture)).format == "PNG"
-    assert draw(table) == picture
-    assert draw(table.assign(success=table["success"] * 0.5, ci_low=0.0)) != picture
-    assert draw(table.assign(paper=table["paper"] * 0.5)) != picture
+    made = draw(table)
+    assert Image.open(io.BytesIO(made["towers.png"])).format == "PNG"
+    assert made["towers.svg"].startswith(b"<?xml")
+    assert draw(table) == made
+    for other in (table.assign(success=table["success"] * 0.5, ci_low=0.0), table.assign(paper=table["paper"] * 0.5)):
+        changed = draw(other)
+        assert changed["towers.png"] != made["towers.png"]
+        assert changed["towers.svg"] != made["towers.svg"]

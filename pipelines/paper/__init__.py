@@ -1,0 +1,1 @@
+"""The paper's experiments as flows of cells, and their commands."""

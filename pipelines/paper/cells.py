@@ -1,0 +1,309 @@
+"""Cells of experiments: what is computed once, kept in the store, and found there by whoever asks again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Protocol
+
+from pipelines.audience import Audience
+from pipelines.baseline import BaselinePlan, BaselineSession
+from pipelines.chain import Plan
+from pipelines.checkout import checkout_commit
+from pipelines.home import Home
+from pipelines.session import Session, Tally
+from roboscribe.baselines.config import RECIPES, method_named
+from roboscribe.errors import Fail
+from roboscribe.io.atomic import Json, sha256_of
+from roboscribe.rl.config import TrainConfig
+from roboscribe.subtask_tree import ROOT
+from stages import baseline, collect, evaluate, transfer
+from stages.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
+from stages.files import OUTCOME, PROGRAM, program_bytes, read_json
+from stages.package import DIRECTORY
+from stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from stages.skills import DESCRIPTIONS, WEIGHTS
+from stages.store import TIMING, Inputs, Stage, Store
+from stages.train import LIMITS
+from stages.world import DEMONSTRATIONS
+
+CHECKED = baseline.Config.episodes
+"""Episodes of each evaluation during the training of a baseline."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where cells are computed.
+
+    Args:
+        home: whose store keeps them.
+        track: whether MLflow is told of the syntheses and trainings in them.
+    """
+
+    home: Home
+    track: bool = True
+
+    @property
+    def store(self) -> Store:
+        """The store of finished stages."""
+        return Store(self.home.data / "stages")
+
+
+class Cell(Protocol):
+    """Something that is computed once; frozen data, so that it can be sent to another process."""
+
+    def __str__(self) -> str:
+        """Name it as its task run and its child run are named."""
+
+    def run(self, place: Place, audience: Audience) -> Path:
+        """Compute it, or find it; returns the directory of what was found."""
+
+
+@dataclass(frozen=True)
+class Transfer:
+    """A saved program or baseline, measured.
+
+    Args:
+        label: says what is measured where.
+        directory: of what is measured.
+        config: where, on which episodes.
+    """
+
+    label: str
+    directory: Path
+    config: transfer.Config
+
+    def __str__(self) -> str:
+        """Return the label."""
+        return self.label
+
+    def run(self, place: Place, audience: Audience) -> Path:
+        """Measure it."""
+        audience.begin(self.label)
+        return place.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), audience.watch)
+
+
+@dataclass(frozen=True)
+class Synthesis:
+    """A program, synthesized, and every program on the way to it that was trained for the task itself.
+
+    Args:
+        trial: what is run.
+    """
+
+    trial: Trial
+
+    def __str__(self) -> str:
+        """Return the trial's name."""
+        return str(self.trial)
+
+    def run(self, place: Place, audience: Audience) -> Path:
+        """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
+        plan = planned(self.trial, demonstrations(self.trial, place, audience))
+        session = Session(plan, place.home, "local", track=place.track)
+        identity = CellConfig(session.key(), self.trial.checked, _own_code())
+
+        def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
+            _synthesize(plan, config.checked, place, audience, out)
+
+        return place.store.run(Stage("cell", CellConfig, work), identity, {})
+
+
+@dataclass(frozen=True)
+class CellConfig:
+    """What decides a cell.
+
+    Args:
+        run: key of the run, which hashes plan, demonstrations and code.
+        checked: episodes of each evaluation on the way.
+        code: SHA-256 of what makes cells of runs.
+    """
+
+    run: str
+    checked: int
+    code: str
+
+
+@dataclass(frozen=True)
+class Training:
+    """A baseline, trained and measured.
+
+    Args:
+        trial: what is run.
+    """
+
+    trial: Trial
+
+    def __str__(self) -> str:
+        """Return the trial's name."""
+        return str(self.trial)
+
+    def run(self, place: Place, audience: Audience) -> Path:
+        """Train, then measure; leaves `cell.json` and `program/`."""
+        trial = self.trial
+        given = demonstrations(trial, place, audience)
+        plan = BaselinePlan(
+            method_named(trial.method), trial.task, trial.seed, trial.budget, given, trial.shown, trial.episodes
+        )
+        session = BaselineSession(plan, place.home, "local", track=place.track)
+        identity = CellConfig(session.key(), CHECKED, _own_code())
+
+        def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
+            _train(plan, place, audience, out)
+
+        return place.store.run(Stage("cell", CellConfig, work), identity, {})
+
+
+def cell_of(trial: Trial) -> Cell:
+    """Return the cell of a trial."""
+    return Synthesis(trial) if trial.method == OURS else Training(trial)
+
+
+def planned(trial: Trial, given: Path | None = None) -> Plan:
+    """Plan the synthesis of a trial, as `roboscribe synthesize` does; nothing is filmed."""
+    training = TrainConfig() if trial.budget is None else TrainConfig(budget=trial.budget)
+    return Plan(
+        trial.task,
+        trial.seed,
+        trial.profile,
+        given,
+        trial.shown,
+        episodes=trial.episodes,
+        training=training,
+        video=False,
+    )
+
+
+def demonstrations(trial: Trial, place: Place, audience: Audience) -> Path | None:
+    """Collect demonstrations of an unusual style; None for usual ones, which the run collects itself."""
+    usual = collect.Config(trial.task, trial.shown, trial.seed)
+    config = replace(usual, style=trial.style, failing=trial.failing)
+    if config == usual:
+        return None
+    audience.begin(f"collect {trial.style} demonstrations")
+    return place.store.run(collect.STAGE, config, {}, audience.watch) / DEMONSTRATIONS
+
+
+@dataclass
+class Witness:
+    """Keeps every program that was trained for the task itself, and when.
+
+    Args:
+        audience: who hears of everything, too.
+        tally: counts control steps.
+        start: when the work began.
+        seconds: that trainings and rollouts took, as the store remembers it.
+        took: seconds until the last event before the final evaluation.
+        programs: control steps, seconds, the program's text, and the directory of its controllers.
+        digest: of the demonstrations.
+        profile: what was learned from.
+    """
+
+    audience: Audience
+    tally: Tally = field(default_factory=Tally)
+    start: float = field(default_factory=perf_counter)
+    seconds: float = 0.0
+    took: float = 0.0
+    programs: list[tuple[int, float, bytes, Path]] = field(default_factory=list)
+    digest: str = ""
+    profile: str = ""
+    _program: bytes = b""
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the start, or those that the store remembers, where an interruption lies between."""
+        return max(self.seconds, perf_counter() - self.start)
+
+    def listen(self, event: Event) -> None:
+        """Hear what happens."""
+        self.tally.listen(event)
+        if not isinstance(event, Evaluated | Packaged):
+            self.took = self.elapsed
+        match event:
+            case Ingested(report, profile):
+                self.digest, self.profile = str(report["digest"]), profile
+            case Programmed(_, program):
+                self._program = program_bytes(program)
+            case RolledOut(_, _, table):
+                self._spent(table.parent)
+            case Trained(goal, _, metrics):
+                self._spent(metrics.parent)
+                if goal == ROOT:
+                    self.programs.append((self.tally.env_steps, self.elapsed, self._program, metrics.parent))
+            case _:
+                pass
+        self.audience.listen(event)
+
+    def _spent(self, out: Path) -> None:
+        self.seconds += float(read_json(out / TIMING)["wall_seconds"])
+
+
+def _synthesize(plan: Plan, checked: int, place: Place, audience: Audience, out: Path) -> None:
+    """Do the work of a cell."""
+    commit, witness = checkout_commit(), Witness(audience)
+    session = Session(plan, place.home, "local", out / DIRECTORY, place.track)
+    result = session.run(Audience(audience.begin, witness.listen, audience.watch))
+    points = tuple(_measured(plan, checked, place, audience, kept) for kept in witness.programs)
+    if isinstance(result, Fail):
+        last = Point(witness.tally.env_steps, 0, plan.episodes, witness.took, final=True)
+        record = Record((*points, last), witness.profile, witness.digest, commit, None, NO_PROGRAM, result.reason)
+    else:
+        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        refinements = int(str(result["refinements"]))
+        record = Record((*points, last), witness.profile, witness.digest, commit, refinements)
+    write_record(out, record)
+
+
+def _train(plan: BaselinePlan, place: Place, audience: Audience, out: Path) -> None:
+    """Do the work of a baseline's cell."""
+    commit, witness = checkout_commit(), Witness(audience)
+    session = BaselineSession(plan, place.home, "local", out / DIRECTORY, place.track)
+    result = session.run(Audience(audience.begin, witness.listen, audience.watch))
+    profile = RECIPES[plan.method].profile
+    if isinstance(result, Fail):
+        last = Point(0, 0, plan.episodes, witness.took, final=True)
+        record = Record((last,), profile, witness.digest, commit, ended=NO_PROGRAM, reason=result.reason)
+    else:
+        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        ended = GIVEN_UP if result["hopeless"] else ""
+        record = Record((*_on_the_way(result["curve"]), last), profile, witness.digest, commit, ended=ended)
+    write_record(out, record)
+
+
+def _on_the_way(curve: Json) -> tuple[Point, ...]:
+    """Read the evaluations during a training; a journal says when they were, not how long it had taken."""
+    assert isinstance(curve, list), "a list of figures by step"
+    measured = [point for point in curve if isinstance(point, Mapping) and "success" in point]
+    return tuple(
+        Point(int(str(point["step"])), round(float(str(point["success"])) * CHECKED), CHECKED, None)
+        for point in measured
+    )
+
+
+def _successes(result: Mapping[str, Json]) -> int:
+    return round(float(str(result["success"])) * int(str(result["episodes"])))
+
+
+def _measured(
+    plan: Plan, checked: int, place: Place, audience: Audience, kept: tuple[int, float, bytes, Path]
+) -> Point:
+    """Measure a program that was trained on the way, on the first of the episodes of the final evaluation."""
+    steps, seconds, text, trained = kept
+    store = place.store
+    inputs = {
+        "program": store.put(PROGRAM, text),
+        "controllers": trained / DESCRIPTIONS,
+        "weights": trained / WEIGHTS,
+        "limits": trained / LIMITS,
+    }
+    audience.begin(f"evaluate what was trained after {steps} control steps")
+    config = evaluate.Config(plan.task, plan.seed, checked, plan.training.confirm)
+    figures = read_json(store.run(evaluate.STAGE, config, inputs, audience.watch) / OUTCOME)
+    return Point(steps, int(figures["successes"]), int(figures["episodes"]), seconds)
+
+
+def _own_code() -> str:
+    """Hash what makes a cell of a run: this file, for what it calls is in the run's key."""
+    return sha256_of(Path(__file__))

@@ -1,0 +1,60 @@
+"""Cells side by side on a Dask cluster, by Prefect's task runner."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from uuid import UUID
+
+from pipelines.paper.cells import Cell, Place
+from pipelines.paper.running import unheard
+from pipelines.prefect_records import wait_for_records
+from pipelines.prefect_settings import quiet_prefect
+from roboscribe.errors import TaskError
+
+
+def compute_with_dask(title: str, cells: Sequence[Cell], place: Place, workers: int, address: str) -> None:
+    """Compute cells on a cluster; what they find lies in the store of `place`, which all workers have to see.
+
+    Args:
+        title: name of the flow.
+        cells: what is computed.
+        place: where.
+        workers: processes of a cluster of this machine, one thread each.
+        address: of a running scheduler instead.
+
+    Raises:
+        TaskError: prefect-dask is not installed.
+        KeyboardInterrupt: the process was asked to end while the flow was running.
+    """
+    quiet_prefect()
+    try:
+        from prefect_dask import DaskTaskRunner
+    except ImportError as error:
+        msg = f"--runner dask needs the package prefect-dask ({error}); pip install 'roboscribe[dask]'"
+        raise TaskError(msg) from error
+    from prefect import flow, task
+    from prefect.cache_policies import NO_CACHE
+    from prefect.exceptions import TerminationSignal
+    from prefect.futures import wait
+    from prefect.runtime import flow_run
+
+    local = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+    chosen = DaskTaskRunner(address=address) if address else DaskTaskRunner(cluster_kwargs=local)
+
+    @task(name="cell", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
+    def compute(label: str, number: int) -> None:
+        quiet_prefect()
+        cells[number].run(place, unheard())
+
+    @flow(name=title, flow_run_name=title, retries=0, persist_result=False, task_runner=chosen)
+    def computing(count: int) -> None:
+        futures = [compute.submit(str(cell), number) for number, cell in enumerate(cells)]
+        wait(futures)
+        for future in futures:
+            future.result()
+        wait_for_records(UUID(flow_run.get_id()), count)
+
+    try:
+        computing(len(cells))
+    except TerminationSignal as signal:
+        raise KeyboardInterrupt from signal

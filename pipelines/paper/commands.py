@@ -1,0 +1,286 @@
+"""`roboscribe paper`: the paper's experiments from the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+from rich.console import Console
+from rich.text import Text
+
+from pipelines.options import PROGRAM_HELP, HomeDir
+
+if TYPE_CHECKING:
+    from pipelines.paper.experiment import Desk, Done, Options
+
+T = TypeVar("T")
+NO_PROGRAM = 3
+"""Exit code where a synthesis found no program."""
+console = Console(highlight=False)
+paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
+
+
+class EngineName(StrEnum):
+    """What runs the cells."""
+
+    prefect = "prefect"
+    local = "local"
+
+
+class RunnerName(StrEnum):
+    """What runs cells side by side."""
+
+    one = "one"
+    dask = "dask"
+
+
+Tasks = Annotated[list[str] | None, typer.Option("--task", help="a task instead of the paper's; repeatable")]
+Methods = Annotated[
+    list[str] | None, typer.Option("--method", help="roboscribe or a baseline; repeatable; left out: all")
+]
+Profiles = Annotated[list[str] | None, typer.Option("--profile", help="what programs may be learned from; repeatable")]
+Seeds = Annotated[int, typer.Option(min=1, help="seeds, from 0")]
+Episodes = Annotated[int, typer.Option(min=1, help="episodes of each final evaluation")]
+Budget = Annotated[str, typer.Option(help="default, paper (where the axis of Fig. 19 ends), or control steps")]
+Quick = Annotated[bool, typer.Option("--quick", help="minutes instead of hours; not a result")]
+EngineOption = Annotated[EngineName, typer.Option("--engine", help="what runs the cells")]
+Out = Annotated[Path | None, typer.Option("--out", help="directory for the report; left out: data/paper/NAME")]
+RunnerOption = Annotated[RunnerName, typer.Option("--runner", help="cells one by one, or side by side on Dask")]
+Workers = Annotated[int, typer.Option(min=1, help="processes of --runner dask on this machine")]
+Address = Annotated[str, typer.Option("--dask-address", help="a Dask scheduler whose workers see the same home")]
+Programs = Annotated[
+    list[str] | None, typer.Option("--program", help=f"measure this, synthesize none: {PROGRAM_HELP}; repeatable")
+]
+
+
+@paper.command()
+def curves(
+    task: Tasks = None,
+    method: Methods = None,
+    profile: Profiles = None,
+    seeds: Seeds = 5,
+    episodes: Episodes = 500,
+    budget: Budget = "default",
+    quick: Quick = False,
+    engine: EngineOption = EngineName.prefect,
+    runner: RunnerOption = RunnerName.one,
+    workers: Workers = 2,
+    dask_address: Address = "",
+    out: Out = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Draw success over control steps by task and method (Fig. 19); it goes on where it was interrupted."""
+    from pipelines.paper.curves import draw_curves
+
+    options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
+    _end(draw_curves(options, _desk(home, engine, runner, workers, dask_address, out), console))
+
+
+@paper.command()
+def table1(
+    task: Tasks = None,
+    profile: Profiles = None,
+    seeds: Seeds = 5,
+    episodes: Episodes = 500,
+    budget: Budget = "default",
+    quick: Quick = False,
+    engine: EngineOption = EngineName.prefect,
+    runner: RunnerOption = RunnerName.one,
+    workers: Workers = 2,
+    dask_address: Address = "",
+    out: Out = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Count the refinements of the syntheses of `paper curves` (Table 1)."""
+    from pipelines.paper.curves import make_table1
+
+    options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
+    _end(make_table1(options, _desk(home, engine, runner, workers, dask_address, out), console))
+
+
+@paper.command()
+def demos(
+    task: Tasks = None,
+    profile: Profiles = None,
+    seeds: Seeds = 5,
+    episodes: Episodes = 500,
+    budget: Budget = "default",
+    quick: Quick = False,
+    engine: EngineOption = EngineName.prefect,
+    runner: RunnerOption = RunnerName.one,
+    workers: Workers = 2,
+    dask_address: Address = "",
+    out: Out = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Synthesize from few and many demonstrations, of several styles (Sec. 5.1)."""
+    from pipelines.paper.demos import draw_demos
+
+    options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
+    _end(draw_demos(options, _desk(home, engine, runner, workers, dask_address, out), console))
+
+
+@paper.command()
+def towers(
+    task: Tasks = None,
+    method: Methods = None,
+    profile: Profiles = None,
+    seeds: Seeds = 5,
+    trained: Annotated[
+        list[int] | None, typer.Option(help="blocks of a tower to synthesize for; repeatable; left out: 4 and 5")
+    ] = None,
+    contact: Annotated[
+        list[str] | None, typer.Option(help="contact model to measure under; repeatable; left out: stable and paper")
+    ] = None,
+    episodes: Episodes = 500,
+    budget: Budget = "default",
+    quick: Quick = False,
+    program: Programs = None,
+    engine: EngineOption = EngineName.prefect,
+    runner: RunnerOption = RunnerName.one,
+    workers: Workers = 2,
+    dask_address: Address = "",
+    out: Out = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Measure how programs for one tower build others (Fig. 21)."""
+    from pipelines.paper.towers import Experiment, measure_towers
+
+    options = _options(task, method, profile, seeds, episodes, budget, quick=quick, programs=program)
+    usual = Experiment()
+    experiment = Experiment(_several(trained, usual.trained), _several(contact, usual.contacts))
+    _end(measure_towers(experiment, options, _desk(home, engine, runner, workers, dask_address, out), console))
+
+
+@paper.command()
+def confined(
+    method: Methods = None,
+    profile: Profiles = None,
+    seeds: Seeds = 5,
+    episodes: Episodes = 500,
+    budget: Budget = "default",
+    quick: Quick = False,
+    program: Programs = None,
+    engine: EngineOption = EngineName.prefect,
+    runner: RunnerOption = RunnerName.one,
+    workers: Workers = 2,
+    dask_address: Address = "",
+    out: Out = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Learn only the guards of Push-3's programs again, for goals where the order matters (Sec. 5.3)."""
+    from pipelines.paper.confined import Confinement, measure_confined
+
+    options = _options(None, method, profile, seeds, episodes, budget, quick=quick, programs=program)
+    _end(measure_confined(Confinement(), options, _desk(home, engine, runner, workers, dask_address, out), console))
+
+
+@paper.command(name="all")
+def everything(
+    task: Tasks = None,
+    method: Methods = None,
+    profile: Profiles = None,
+    seeds: Seeds = 5,
+    episodes: Episodes = 500,
+    budget: Budget = "default",
+    quick: Quick = False,
+    engine: EngineOption = EngineName.prefect,
+    runner: RunnerOption = RunnerName.one,
+    workers: Workers = 2,
+    dask_address: Address = "",
+    out: Out = None,
+    home: HomeDir = Path(),
+) -> None:
+    """Do all experiments, cheapest first."""
+    from pipelines.paper.everything import do_everything, expectation
+
+    options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
+    _say(expectation(options))
+    done = do_everything(options, _desk(home, engine, runner, workers, dask_address, out), console)
+    for name, each in done.items():
+        _say(f"paper {name}: {each.directory or 'no report'}")
+        for task_name in each.missing:
+            _say(f"  {task_name} not built yet")
+        for failure in each.failures:
+            _say(f"  FAIL: {failure}")
+    if any(each.failures for each in done.values()):
+        raise typer.Exit(NO_PROGRAM)
+
+
+def _options(
+    task: Sequence[str] | None,
+    method: Sequence[str] | None,
+    profile: Sequence[str] | None,
+    seeds: int,
+    episodes: int,
+    budget: str,
+    *,
+    quick: bool,
+    programs: Sequence[str] | None = None,
+) -> Options:
+    """Gather the options of a command.
+
+    Raises:
+        TaskError: an unknown method, profile or budget.
+    """
+    from pipelines.paper.experiment import Options
+    from pipelines.paper.methods import check_method, check_profile
+
+    methods = tuple(check_method(name) for name in _several(method, ()))
+    profiles = tuple(check_profile(name) for name in _several(profile, ()))
+    tasks, given = _several(task, ()), _several(programs, ())
+    return Options(tasks, methods, profiles, seeds, episodes, budget, quick, given)
+
+
+def _desk(home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None) -> Desk:
+    """Say where and how the work is done."""
+    from pipelines.home import Home
+    from pipelines.paper.experiment import Desk
+    from pipelines.paper.running import Runner
+
+    _make_room(out)
+    parallel = runner is RunnerName.dask or bool(address)
+    chosen = Runner("local" if engine is EngineName.local else "prefect", workers * parallel, address)
+    return Desk(Home(home), chosen, out)
+
+
+def _end(done: Done) -> None:
+    """Print what was found; exit code 3 where a synthesis found no program."""
+    if done.summary:
+        _say(done.summary)
+    else:
+        for task in done.missing:
+            _say(f"{task} not built yet")
+    for failure in done.failures:
+        _say(f"FAIL: {failure}")
+    if done.failures:
+        raise typer.Exit(NO_PROGRAM)
+
+
+def _make_room(out: Path | None) -> None:
+    """Make the directory of the report.
+
+    Raises:
+        ArtifactError: it cannot be made.
+    """
+    from roboscribe.errors import ArtifactError
+
+    try:
+        if out is not None:
+            out.resolve().mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        msg = f"{out}: the directory cannot be made ({error.strerror})"
+        raise ArtifactError(msg) from error
+
+
+def _several(given: Sequence[T] | None, usual: tuple[T, ...]) -> tuple[T, ...]:
+    """Return what was given, each value once, or else what is usual."""
+    return tuple(dict.fromkeys(given or usual))
+
+
+def _say(line: str) -> None:
+    """Print text as it is."""
+    console.print(Text(line), soft_wrap=True)

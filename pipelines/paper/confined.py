@@ -1,0 +1,265 @@
+"""Push-Multi Confined (Sec. 5.3): programs for pushing, with a guard that is learned again where the order matters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.console import Console
+
+from pipelines import adapting
+from pipelines.adapting import adapt_saved, loop_lines, save
+from pipelines.audience import Audience
+from pipelines.checkout import checkout_commit
+from pipelines.paper.cells import Place, Transfer
+from pipelines.paper.experiment import Desk, Done, Options, existing, failures_of, finish, run_trials
+from pipelines.paper.given import Given, given_program
+from pipelines.paper.methods import budget_of
+from pipelines.paper.running import run_cells
+from pipelines.programs import shipped_names, spell_success
+from roboscribe.errors import ArtifactError, Fail
+from roboscribe.io.atomic import sha256_of
+from roboscribe.io.saved_program import load_program
+from stages import collect, transfer
+from stages.code_version import code_version
+from stages.experiment import Child
+from stages.files import OUTCOME, read_fail, read_json, write_fail, write_json
+from stages.package import DIRECTORY
+from stages.paper import confined
+from stages.paper.confined import NEW, OLD, ZERO_SHOT, Measurement, tabulate
+from stages.paper.rows import OURS, Trial
+from stages.progress import Report
+from stages.store import TIMING, Inputs, Stage
+from stages.world import DEMONSTRATIONS, TaskConfig
+
+TITLE = "paper confined"
+SOURCE = "source.json"
+"""File that says which demonstrations a guard was learned from."""
+SHOWN = 10
+"""Demonstrations of the confined task."""
+KEYS = ("task", "trained", "method", "profile", "seed", "way", "contact", "timing")
+
+
+@dataclass(frozen=True)
+class Confinement:
+    """What is adapted to what.
+
+    Args:
+        trained: task of the programs.
+        task: where another order is wanted.
+    """
+
+    trained: str = "push-3"
+    task: str = "push-confined-3"
+
+
+def measure_confined(experiment: Confinement, options: Options, desk: Desk, console: Console) -> Done:
+    """Take programs, learn their guards again, and measure both; policies of baselines are measured as they are.
+
+    Raises:
+        ArtifactError: a given program was made for another task.
+        TaskError: an unknown method.
+    """
+    missing = existing((experiment.trained, experiment.task))[1]
+    if missing:
+        return Done("", (), missing)
+    options = options.quickly()
+    if options.quick and not options.programs:
+        if experiment.trained not in shipped_names():
+            return Done("", (), (f"a shipped program for {experiment.trained}, which a quick run measures,",))
+        options = replace(options, programs=(experiment.trained,))
+    with ExitStack() as stack:
+        if options.programs:
+            given = [
+                _fitting(stack.enter_context(given_program(name, desk.home)), experiment) for name in options.programs
+            ]
+            failures: tuple[str, ...] = ()
+        else:
+            outcomes = run_trials(TITLE, trials_of(experiment, options), desk, console)
+            failures = failures_of(outcomes)
+            given = [
+                Given(each.trial.task.name, each.trial.method, each.record.profile, each.trial.seed, where)
+                for each in outcomes
+                if (where := each.directory / DIRECTORY).is_dir()
+            ]
+        ways, unexplained = _ways(given, experiment, desk, console)
+        measured = _measured(ways, experiment, options, desk, console)
+    failures = (*failures, *unexplained)
+    if not measured:
+        return Done("", failures)
+    report = confined.report(tabulate(measured), quick=options.quick)
+    children = [_child(each) for each in measured]
+    return finish("confined", report, options, desk, failures=failures, keys=KEYS, children=children)
+
+
+def trials_of(experiment: Confinement, options: Options) -> list[Trial]:
+    """List what is synthesized or trained."""
+    task, profile = experiment.trained, (options.profiles or ("actions",))[0]
+    return [
+        Trial(
+            TaskConfig(task),
+            method,
+            profile if method == OURS else "",
+            seed,
+            budget_of(method, task, options),
+            episodes=options.episodes,
+            quick=options.quick,
+        )
+        for method in options.methods or (OURS,)
+        for seed in range(options.seeds)
+    ]
+
+
+def _fitting(given: Given, experiment: Confinement) -> Given:
+    if given.task != experiment.trained:
+        msg = f"program {given.directory}: was made for task {given.task}, expected {experiment.trained}"
+        raise ArtifactError(msg)
+    return given
+
+
+@dataclass(frozen=True)
+class Way:
+    """A program with one of its guards, or a policy.
+
+    Args:
+        given: what it was made from.
+        way: "old guard", "new guard" or "zero-shot".
+        directory: where it lies.
+        demonstrations: SHA-256 of those of the confined task; "" where none were used.
+    """
+
+    given: Given
+    way: str
+    directory: Path
+    demonstrations: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.given.method} {self.given.task} seed {self.given.seed}, {self.way}"
+
+    @property
+    def loop(self) -> str:
+        """The line that begins its loop."""
+        lines = loop_lines(load_program(self.directory).program_text) if self.given.method == OURS else []
+        return "; ".join(lines)
+
+
+@dataclass(frozen=True)
+class AdaptationConfig:
+    """What decides a new guard, beside program and demonstrations.
+
+    Args:
+        task: that is shown.
+        code: version of the code that learns guards.
+        saving: SHA-256 of the code that reads and writes programs for it.
+    """
+
+    task: str
+    code: str
+    saving: str
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """A program whose guard is learned again; it takes seconds and no control step.
+
+    Args:
+        given: the program.
+        task: that is shown.
+    """
+
+    given: Given
+    task: str
+
+    def __str__(self) -> str:
+        return f"adapt {self.given.task} seed {self.given.seed} to {self.task}"
+
+    def run(self, place: Place, audience: Audience) -> Path:
+        """Learn the guard again; leaves `program/`, or the reason why there is none."""
+        audience.begin(str(self))
+        wanted = collect.Config(TaskConfig(self.task), SHOWN, self.given.seed)
+        shown = place.store.run(collect.STAGE, wanted, {}, audience.watch) / DEMONSTRATIONS
+        inputs = {**transfer.inputs_of(self.given.directory), "demonstrations": shown}
+        config = AdaptationConfig(self.task, code_version("roboscribe.adapt"), sha256_of(Path(adapting.__file__)))
+
+        def work(config: AdaptationConfig, inputs: Inputs, out: Path, report: Report) -> None:
+            adapted = adapt_saved(self.given.directory, inputs["demonstrations"], config.task)
+            if isinstance(adapted, Fail):
+                write_fail(out, adapted)
+            else:
+                save(adapted, out / DIRECTORY, self.given.directory)
+                write_json(out / SOURCE, {"demonstrations": sha256_of(inputs["demonstrations"])})
+
+        return place.store.run(Stage("adapt", AdaptationConfig, work), config, inputs)
+
+
+def _ways(
+    given: Sequence[Given], experiment: Confinement, desk: Desk, console: Console
+) -> tuple[list[Way], tuple[str, ...]]:
+    """Adapt every program; returns what is measured, and which guards could not be learned."""
+    programs = [each for each in given if each.method == OURS]
+    cells = [Adaptation(each, experiment.task) for each in programs]
+    outs = run_cells(f"{TITLE}, guards", cells, desk.place, desk.runner, console)
+    ways = [Way(each, OLD, each.directory) for each in programs]
+    failures = []
+    for each, cell, out in zip(programs, cells, outs, strict=True):
+        fail = read_fail(out)
+        if fail is None:
+            ways.append(Way(each, NEW, out / DIRECTORY, str(read_json(out / SOURCE)["demonstrations"])))
+        else:
+            failures.append(f"{cell}: {fail.reason}")
+    ways += [Way(each, ZERO_SHOT, each.directory) for each in given if each.method != OURS]
+    return ways, tuple(failures)
+
+
+def _measured(
+    ways: Sequence[Way], experiment: Confinement, options: Options, desk: Desk, console: Console
+) -> list[Measurement]:
+    """Measure every program with either guard, every policy as it is."""
+    where = TaskConfig(experiment.task)
+    configs = [transfer.Config(where, way.given.seed, options.episodes) for way in ways]
+    cells = [Transfer(f"{way} on {where.name}", way.directory, c) for way, c in zip(ways, configs, strict=True)]
+    outs = run_cells(
+        TITLE, cells, desk.place, desk.runner, console, lambda _, out: spell_success(read_json(out / OUTCOME))
+    )
+    commit = checkout_commit()
+    return [
+        Measurement(
+            trained=experiment.trained,
+            task=where.name,
+            method=way.given.method,
+            profile=way.given.profile,
+            seed=way.given.seed,
+            way=way.way,
+            loop=way.loop,
+            shown=SHOWN if way.way == NEW else 0,
+            demonstrations=way.demonstrations,
+            contact=where.contact,
+            timing=where.timing,
+            quick=options.quick,
+            commit=commit,
+            figures=read_json(out / OUTCOME),
+            seconds=float(read_json(out / TIMING)["wall_seconds"]),
+        )
+        for way, out in zip(ways, outs, strict=True)
+    ]
+
+
+def _child(each: Measurement) -> Child:
+    """Return a measurement as it is tracked."""
+    params = {
+        "task": each.task,
+        "trained": each.trained,
+        "method": each.method,
+        "profile": each.profile,
+        "seed": str(each.seed),
+        "way": each.way,
+        "contact": each.contact,
+        "timing": each.timing,
+        "quick": str(each.quick),
+        "loop": each.loop,
+    }
+    metrics = {name: float(each.figures[name]) for name in confined.FIGURES}
+    name = f"{each.method} seed {each.seed}, {each.way}, on {each.task}"
+    return Child(name, params, metrics, demonstrations=each.demonstrations)

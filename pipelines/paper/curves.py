@@ -1,0 +1,116 @@
+"""Fig. 19 and Table 1: syntheses and baselines of every task, method and seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+from rich.console import Console
+
+from pipelines.paper.cells import Transfer
+from pipelines.paper.experiment import (
+    Desk,
+    Done,
+    Options,
+    Outcome,
+    children_of,
+    chosen_tasks,
+    failures_of,
+    finish,
+    run_trials,
+    table_of,
+)
+from pipelines.paper.methods import MOST_QUICK, budget_of, every_method
+from pipelines.paper.running import run_cells
+from stages import transfer
+from stages.files import OUTCOME, read_json
+from stages.package import DIRECTORY
+from stages.paper import curves, table1
+from stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
+from stages.paper.values import REPORTED
+from stages.world import TaskConfig
+
+PROFILES = ("actions", "states")
+"""Profiles that are drawn; `paper` takes half an hour per seed of one block and is drawn on demand."""
+
+
+def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) -> list[Trial]:
+    """List what is run: of every task every method, programs under every profile, each seed."""
+    profiles = options.profiles or (PROFILES[:1] if options.quick else PROFILES)
+    pairs = [(method, profile) for method in methods for profile in (profiles if method == OURS else ("",))]
+    return [
+        Trial(
+            TaskConfig(task),
+            method,
+            profile,
+            seed,
+            budget_of(method, task, options),
+            episodes=options.episodes,
+            quick=options.quick,
+        )
+        for task, (method, profile), seed in product(tasks, pairs, range(options.seeds))
+    ]
+
+
+def draw_curves(options: Options, desk: Desk, console: Console) -> Done:
+    """Run every method on every task, draw success over control steps, and measure what was found in the end.
+
+    Raises:
+        TaskError: an unknown task or method.
+    """
+    methods = options.methods or (MOST_QUICK if options.quick else every_method())
+    options = options.quickly()
+    tasks, missing = chosen_tasks(options, tuple(REPORTED))
+    built = [task for task in tasks if task not in missing]
+    outcomes = run_trials("paper curves", trials_of(options, built, methods), desk, console)
+    failures = failures_of(outcomes)
+    if not outcomes:
+        return Done("", failures, missing)
+    rows = [] if options.quick else _elsewhere(outcomes, desk, console)
+    report = curves.report(table_of(outcomes, rows), tasks, missing, quick=options.quick)
+    return finish("curves", report, options, desk, missing=missing, failures=failures, children=children_of(outcomes))
+
+
+def _elsewhere(outcomes: Sequence[Outcome], desk: Desk, console: Console) -> list[Row]:
+    """Measure the final programs under the paper's contact model, where a task has one."""
+    found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith("point-")]
+    trials = [replace(each.trial, task=replace(each.trial.task, contact="paper")) for each in found]
+    cells = [
+        Transfer(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
+        for each, trial in zip(found, trials, strict=True)
+    ]
+    outs = run_cells("paper curves, paper contact", cells, desk.place, desk.runner, console)
+    rows: list[Row] = []
+    for each, trial, out in zip(found, trials, outs, strict=True):
+        figures, last = read_json(out / OUTCOME), each.record.points[-1]
+        point = Point(last.control_steps, int(figures["successes"]), trial.episodes, last.seconds, final=True)
+        rows += rows_of(trial, _only(each.record, point))
+    return rows
+
+
+def _config(trial: Trial) -> transfer.Config:
+    return transfer.Config(trial.task, trial.seed, trial.episodes)
+
+
+def _only(record: Record, point: Point) -> Record:
+    """Return a record with another last point and no others."""
+    return replace(record, points=(point,))
+
+
+def make_table1(options: Options, desk: Desk, console: Console) -> Done:
+    """Count the refinements of the syntheses of `paper curves`, which are done where they are not there yet.
+
+    Raises:
+        TaskError: an unknown task.
+    """
+    options = options.quickly()
+    tasks, missing = chosen_tasks(options, tuple(REPORTED))
+    built = [task for task in tasks if task not in missing]
+    usual = replace(options, profiles=options.profiles or PROFILES[:1])
+    outcomes = run_trials("paper table1", trials_of(usual, built, (OURS,)), desk, console)
+    failures = failures_of(outcomes)
+    if not outcomes:
+        return Done("", failures, missing)
+    report = table1.report(table_of(outcomes), tasks, missing, quick=options.quick)
+    return finish("table1", report, options, desk, missing=missing, failures=failures, children=children_of(outcomes))

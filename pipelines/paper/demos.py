@@ -1,0 +1,78 @@
+"""Demonstration sizes: syntheses from few and many demonstrations, in other styles, and with failing ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+from rich.console import Console
+
+from pipelines.paper.experiment import (
+    Desk,
+    Done,
+    Options,
+    children_of,
+    chosen_tasks,
+    failures_of,
+    finish,
+    run_trials,
+    table_of,
+)
+from pipelines.paper.methods import budget_of
+from stages.paper import demos
+from stages.paper.rows import OURS, Trial
+from stages.paper.values import DEMONSTRATIONS
+from stages.world import TaskConfig
+
+Way = tuple[int, str, float]
+"""Demonstrations, their style, and the share of them that fails."""
+SIZES: tuple[Way, ...] = tuple((size, "default", 0.0) for size in (2, 5, *DEMONSTRATIONS))
+"""The paper's sizes, and fewer."""
+STYLES: tuple[Way, ...] = ((50, "mixed", 0.0), (50, "slow", 0.0), (50, "default", 0.2))
+WAYS: dict[str, tuple[Way, ...]] = {
+    demos.TASK: (*SIZES, *STYLES),
+    "tower-5": tuple((size, "default", 0.0) for size in (10, 20)),
+}
+"""How each task is shown; other tasks in the usual style, which is all that some of them know."""
+QUICK_WAYS: tuple[Way, ...] = ((10, "default", 0.0), (50, "default", 0.0))
+
+
+def trials_of(options: Options, tasks: Sequence[str]) -> list[Trial]:
+    """List what is run."""
+    profiles = options.profiles or ("actions",)
+    return [
+        Trial(
+            TaskConfig(task),
+            OURS,
+            profile,
+            seed,
+            budget_of(OURS, task, options),
+            *way,
+            episodes=options.episodes,
+            quick=options.quick,
+        )
+        for task in tasks
+        for profile, way, seed in product(profiles, ways_of(task, quick=options.quick), range(options.seeds))
+    ]
+
+
+def ways_of(task: str, *, quick: bool) -> tuple[Way, ...]:
+    """Return how a task is shown."""
+    return QUICK_WAYS if quick else WAYS.get(task, SIZES)
+
+
+def draw_demos(options: Options, desk: Desk, console: Console) -> Done:
+    """Synthesize from every number of demonstrations; 50 of the usual style are those of `paper curves`.
+
+    Raises:
+        TaskError: an unknown task.
+    """
+    options = options.quickly((demos.TASK,))
+    tasks, missing = chosen_tasks(options, tuple(WAYS))
+    trials = trials_of(options, [task for task in tasks if task not in missing])
+    outcomes = run_trials("paper demos", trials, desk, console)
+    failures = failures_of(outcomes)
+    if not outcomes:
+        return Done("", failures, missing)
+    report = demos.report(table_of(outcomes), tasks, missing, quick=options.quick)
+    return finish("demos", report, options, desk, missing=missing, failures=failures, children=children_of(outcomes))

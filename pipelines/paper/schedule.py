@@ -1,0 +1,88 @@
+"""Scheduled runs of the paper's experiments: what Prefect's server starts, and offering it to a server.
+
+`pipelines/prefect.yaml` says the same to `prefect deploy --prefect-file`.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from pipelines.prefect_settings import quiet_prefect
+
+quiet_prefect()  # before Prefect is imported, wherever this file is loaded from
+
+from prefect import flow, serve  # noqa: E402 - its settings come first
+from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy  # noqa: E402
+from prefect.settings import PREFECT_API_URL  # noqa: E402
+from rich.console import Console  # noqa: E402
+
+from pipelines.home import Home  # noqa: E402
+from pipelines.paper.experiment import Desk, Options  # noqa: E402
+from roboscribe.errors import TaskError  # noqa: E402
+from stages.paper.rows import OURS  # noqa: E402
+
+EVERYTHING = "all"
+SCHEDULES: dict[str, tuple[str, dict[str, object]]] = {
+    "nightly-quick": ("0 1 * * *", {"experiment": EVERYTHING, "quick": True}),
+    "weekly-own-programs": ("0 2 * * 6", {"experiment": EVERYTHING, "methods": [OURS]}),
+    "monthly-with-baselines": ("0 3 1 * *", {"experiment": "curves"}),
+}
+"""By name: when, as cron spells it, and with which parameters."""
+
+
+@flow(name="paper", log_prints=True, retries=0, persist_result=False)
+def scheduled(
+    experiment: str = EVERYTHING,
+    quick: bool = False,
+    methods: list[str] | None = None,
+    seeds: int = 5,
+    home: str = ".",
+) -> None:
+    """Do an experiment, or all of them; on unchanged code everything is found in the store.
+
+    Args:
+        experiment: "all", "curves", "table1", "demos", "towers" or "confined".
+        quick: minutes instead of hours.
+        methods: "roboscribe" and baselines; None is all.
+        seeds: how many.
+        home: where everything is kept.
+
+    Raises:
+        TaskError: no such experiment, or a synthesis found no program.
+    """
+    from pipelines.paper.everything import EXPERIMENTS, do_everything
+    from pipelines.paper.methods import check_method
+
+    if experiment not in (EVERYTHING, *EXPERIMENTS):
+        msg = f"unknown experiment {experiment!r}: expected one of {', '.join((EVERYTHING, *EXPERIMENTS))}"
+        raise TaskError(msg)
+    chosen = tuple(check_method(name) for name in methods or ())
+    options = Options(methods=chosen, seeds=seeds, quick=quick)
+    desk, console = Desk(Home(Path(home))), Console()
+    if experiment == EVERYTHING:
+        done = do_everything(options, desk, console)
+    else:
+        done = {experiment: EXPERIMENTS[experiment][1](options, replace(desk), console)}
+    failures = [failure for each in done.values() for failure in each.failures]
+    if failures:
+        raise TaskError("; ".join(failures))
+
+
+def offer(home: Path) -> None:
+    """Offer the scheduled runs to the server that `PREFECT_API_URL` names, and do them one at a time.
+
+    Raises:
+        TaskError: no server is named.
+    """
+    if not (os.environ.get("PREFECT_API_URL") or PREFECT_API_URL.value()):
+        msg = "PREFECT_API_URL is not set; expected the address of a Prefect server, see `prefect server start`"
+        raise TaskError(msg)
+    limit = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
+    place = str(home.resolve())
+    offered = [
+        scheduled.to_deployment(name, cron=when, parameters={**parameters, "home": place}, concurrency_limit=limit)
+        for name, (when, parameters) in SCHEDULES.items()
+    ]
+    serve(*offered, limit=1)  # type: ignore[arg-type]  # a coroutine only where called from one

@@ -1,0 +1,222 @@
+"""The paper's transfer experiment (Sec. 5.2): what was made for one single tower builds others, without training."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+
+from rich.console import Console
+
+from pipelines.checkout import checkout_commit
+from pipelines.paper.cells import Transfer
+from pipelines.paper.experiment import Desk, Done, Options, failures_of, finish, run_trials
+from pipelines.paper.given import Given, given_program
+from pipelines.paper.methods import budget_of
+from pipelines.paper.running import run_cells
+from pipelines.programs import spell_success
+from roboscribe.envs.catalogue import CONTACTS
+from roboscribe.errors import ArtifactError
+from stages import transfer
+from stages.experiment import Child
+from stages.files import OUTCOME, read_json
+from stages.package import DIRECTORY
+from stages.paper import towers
+from stages.paper.rows import OURS, Trial
+from stages.paper.towers import Measurement, tabulate
+from stages.paper.values import SUCCESS, TASKS
+from stages.world import TaskConfig
+
+TITLE = "paper towers"
+SINGLE_TOWER = re.compile(r"tower-([0-9]+)(-crowded)?")
+"""Names of the tasks for which programs are transferred."""
+QUICK = ("tower-4", "tower-5", "multitower-4", "pyramid-4")
+QUICK_PROGRAMS = ("tower-4", "tower-5")
+"""Shipped programs, which a quick run measures instead of synthesizing any."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is compared.
+
+    Args:
+        trained: blocks of the single towers for which programs are synthesized.
+        contacts: contact models under which programs are measured.
+    """
+
+    trained: tuple[int, ...] = tuple(SUCCESS)
+    contacts: tuple[str, ...] = CONTACTS
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A program or policy that is measured.
+
+    Args:
+        trained: blocks of the single tower for which it was made.
+        method: that made it.
+        seed: that decided it.
+        directory: where it lies.
+    """
+
+    trained: int
+    method: str
+    seed: int
+    directory: Path
+
+    def __str__(self) -> str:
+        own = "" if self.method == OURS else f"{self.method} "
+        return f"{own}tower-{self.trained} seed {self.seed}"
+
+
+def measure_towers(experiment: Experiment, options: Options, desk: Desk, console: Console) -> Done:
+    """Synthesize the programs or take the given ones, measure each, and write the report.
+
+    The same experiment goes on where it was interrupted: finished stages and measurements are in the store.
+
+    Raises:
+        ArtifactError: a given program cannot be used.
+        TaskError: an unknown contact model, or a tower that cannot be built.
+    """
+    options = _quickly(options)
+    contacts = experiment.contacts[:1] if options.quick else experiment.contacts
+    places = [TaskConfig(task, contact) for contact, task in product(contacts, options.tasks or TASKS)]
+    trials = trials_of(experiment, options)
+    for task in (*(trial.task for trial in trials), *places):
+        task.make()  # so that hours of training do not end in a typing error
+    failures: tuple[str, ...] = ()
+    with ExitStack() as stack:
+        if options.programs:
+            named = [(name, stack.enter_context(given_program(name, desk.home))) for name in options.programs]
+            subjects = _distinct([_subject(name, found) for name, found in named])
+        else:
+            outcomes = run_trials(TITLE, trials, desk, console)
+            failures = failures_of(outcomes)
+            subjects = [
+                Subject(int(each.trial.task.name.rpartition("-")[2]), each.trial.method, each.trial.seed, where)
+                for each in outcomes
+                if (where := each.directory / DIRECTORY).is_dir()
+            ]
+        measured = _measured(subjects, places, options, desk, console)
+    if not measured:
+        return Done("", failures)
+    table = tabulate(measured)
+    words = _words(experiment)
+    children = [_child(each) for each in measured]
+    return finish(
+        "towers",
+        towers.report(table, quick=options.quick),
+        options,
+        desk,
+        failures=failures,
+        keys=towers.KEYS,
+        children=children,
+        words=words,
+    )
+
+
+def trials_of(experiment: Experiment, options: Options) -> list[Trial]:
+    """List what is synthesized or trained: nothing where programs are given."""
+    if options.programs:
+        return []
+    pairs = product(experiment.trained, options.methods or (OURS,), range(options.seeds))
+    profile = (options.profiles or ("actions",))[0]
+    return [
+        Trial(
+            TaskConfig(f"tower-{blocks}"),
+            method,
+            profile if method == OURS else "",
+            seed,
+            budget_of(method, f"tower-{blocks}", options),
+            episodes=options.episodes,
+            quick=options.quick,
+        )
+        for blocks, method, seed in pairs
+    ]
+
+
+def _quickly(options: Options) -> Options:
+    """Take shipped programs in a quick run."""
+    if not options.quick:
+        return options
+    return replace(options.quickly(QUICK), programs=options.programs or QUICK_PROGRAMS)
+
+
+def _subject(name: str, found: Given) -> Subject:
+    """Say what a given program is.
+
+    Raises:
+        ArtifactError: it was made for something else than a single tower.
+    """
+    family = SINGLE_TOWER.fullmatch(found.task)
+    if family is None:
+        msg = f"program {name}: was made for task {found.task}, expected a single tower such as tower-5"
+        raise ArtifactError(msg)
+    return Subject(int(family[1]), found.method, found.seed, found.directory)
+
+
+def _measured(
+    subjects: Sequence[Subject], places: Sequence[TaskConfig], options: Options, desk: Desk, console: Console
+) -> list[Measurement]:
+    """Measure every subject in every task."""
+    pairs = list(product(subjects, places))
+    cells = [
+        Transfer(f"{s} on {t.name}, {t.contact} contact", s.directory, transfer.Config(t, s.seed, options.episodes))
+        for s, t in pairs
+    ]
+    outs = run_cells(TITLE, cells, desk.place, desk.runner, console, lambda _, out: spell_success(figures_in(out)))
+    commit = checkout_commit()
+    return [
+        Measurement(
+            s.trained, s.seed, t.contact, t.name, figures_in(out), s.method, timing=t.timing, quick=options.quick,
+            commit=commit,
+        )
+        for (s, t), out in zip(pairs, outs, strict=True)
+    ]  # fmt: skip
+
+
+def figures_in(out: Path) -> dict[str, float]:
+    """Read what an evaluation found."""
+    figures: dict[str, float] = read_json(out / OUTCOME)
+    return figures
+
+
+def _words(experiment: Experiment) -> list[str]:
+    """Spell what is compared, as the command line takes it, where it is not the usual."""
+    usual = Experiment()
+    trained = experiment.trained if experiment.trained != usual.trained else ()
+    contacts = experiment.contacts if experiment.contacts != usual.contacts else ()
+    words = [word for blocks in trained for word in ("--trained", str(blocks))]
+    return [*words, *(word for contact in contacts for word in ("--contact", contact))]
+
+
+def _child(each: Measurement) -> Child:
+    """Return a measurement as it is tracked."""
+    params = {
+        "task": each.task,
+        "trained": f"tower-{each.trained}",
+        "method": each.method,
+        "seed": str(each.seed),
+        "contact": each.contact,
+        "timing": each.timing,
+        "quick": str(each.quick),
+    }
+    name = f"{each.method} tower-{each.trained} seed {each.seed} on {each.task}, {each.contact} contact"
+    return Child(name, params, {figure: float(each.figures[figure]) for figure in towers.FIGURES})
+
+
+def _distinct(subjects: list[Subject]) -> list[Subject]:
+    """Refuse programs that the report could not tell apart.
+
+    Raises:
+        ArtifactError: two programs are for the same tower and of the same seed.
+    """
+    names = [str(subject) for subject in subjects]
+    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
+    if twice is not None:
+        msg = f"two of the programs are {twice}; expected another tower or seed for each"
+        raise ArtifactError(msg)
+    return subjects

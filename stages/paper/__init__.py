@@ -1,0 +1,1 @@
+"""Reports of the paper's experiments: rows, statistics, tables, figures, and what the paper itself says."""
