@@ -9,16 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.errors import DemonstrationError, Fail
-from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.synthesize import Limits, Solution, roboscribe
 from stages import collect, evaluate, film, ingest, package
 from stages.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
 from stages.files import EPISODES, OUTCOME, read_fail, read_json
 from stages.steps import Call, Library, Put, Setting, Staged
 from stages.world import DEMONSTRATIONS, TaskConfig
-
-SCRIPTED = "scripted"
-"""Profile in which lookahead controllers stand in for learned ones; point tasks only."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +25,8 @@ class Plan:
     Args:
         task: where.
         seed: decides everything.
-        profile: what may be learned from; None is `actions` where the demonstrations have them, else `states`.
+        profile: what may be learned from, or `scripted` for the task's own controllers; None is `actions` where the
+            demonstrations have them, else `states`.
         demonstrations: a Parquet file; None collects some.
         shown: demonstrations to collect.
         tried: episodes per rollout of Algorithm 2.
@@ -40,7 +38,7 @@ class Plan:
 
     task: TaskConfig
     seed: int = 0
-    profile: str | None = None
+    profile: Profile | None = None
     demonstrations: Path | None = None
     shown: int = 50
     tried: int = 100
@@ -148,7 +146,7 @@ def _demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail
     return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
 
 
-def _profile(plan: Plan, report: dict[str, Any]) -> str:
+def _profile(plan: Plan, report: dict[str, Any]) -> Profile:
     """Settle how to learn.
 
     Raises:
@@ -160,9 +158,7 @@ def _profile(plan: Plan, report: dict[str, Any]) -> str:
     return plan.profile or ("actions" if report["actions"] else "states")
 
 
-def _setting(plan: Plan, profile: str, shown: Path) -> Setting:
+def _setting(plan: Plan, profile: Profile, shown: Path) -> Setting:
     """Say what all steps share."""
-    scripted = profile == SCRIPTED
-    training = plan.training if scripted else replace(plan.training, profile=profile)  # type: ignore[arg-type]
-    name = program_name(plan.task.name)
-    return Setting(plan.task, plan.seed, name, training, scripted, plan.tried, shown)
+    training = replace(plan.training, profile=profile)
+    return Setting(plan.task, plan.seed, program_name(plan.task.name), training, plan.tried, shown)

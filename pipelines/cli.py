@@ -20,6 +20,7 @@ from rich.text import Text
 from pipelines import looking
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.errors import RoboScribeError
+from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
@@ -41,15 +42,6 @@ app = typer.Typer(
 paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
 app.add_typer(paper, name="paper")
 console = Console(highlight=False)
-
-
-class Profile(StrEnum):
-    """What may be learned from."""
-
-    actions = "actions"
-    states = "states"
-    paper = "paper"
-    scripted = "scripted"
 
 
 class Engine(StrEnum):
@@ -136,11 +128,10 @@ def synthesize(
     from stages.world import TaskConfig
 
     settings = TrainConfig() if budget is None else TrainConfig(budget=budget)
-    chosen = None if profile is None else profile.value
     where = TaskConfig(task, contact, timing)
     where.make()
     limits = Limits(success=success)
-    plan = Plan(where, seed, chosen, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
+    plan = Plan(where, seed, profile, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
     _make_room(*(path for path in (out, json) if path is not None))
     with Story(console) as story:
         session = Session(plan, Home(home), "local" if engine is Engine.local else "prefect", out)

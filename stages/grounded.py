@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from roboscribe.controllers import Library, from_parts
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.rollouts import Rollouts
@@ -17,7 +18,7 @@ from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import IntArray
 from roboscribe.world.task import Task
 from stages.progress import Progress, Report, silent
-from stages.skills import Library, as_controllers, from_parts
+from stages.skills import as_controllers
 
 WAVE = 125
 """Episodes between two messages of progress."""

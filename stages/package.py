@@ -6,13 +6,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.controllers import to_parts
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
 from stages import alone
 from stages.files import read_json, read_program
 from stages.progress import Report, silent
-from stages.skills import read_library, to_parts
+from stages.skills import read_library
 from stages.store import Inputs, Stage
 from stages.values import read_tree, tree_to_json
 from stages.world import TaskConfig

@@ -62,7 +62,6 @@ class Setting:
         seed: decides everything.
         name: what the program is called.
         training: settings of the learners.
-        scripted: lookahead controllers instead of learned ones.
         episodes: episodes per rollout of Algorithm 2.
         demonstrations: a Parquet file.
     """
@@ -71,7 +70,6 @@ class Setting:
     seed: int
     name: str
     training: TrainConfig
-    scripted: bool
     episodes: int
     demonstrations: Path
 
@@ -145,7 +143,7 @@ class Staged:
         new = [name for name, ground in grounds.items() if library.grounds.get(name) != ground]
         stale = tuple(name for name in new if name in library.grounds)
         setting = self.setting
-        config = train.Config(setting.task, goal, setting.seed, setting.training, setting.scripted, stale, goal == ROOT)
+        config = train.Config(setting.task, goal, setting.seed, setting.training, stale, goal == ROOT)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(grounds)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)

@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from roboscribe.dsl.rewrite import controllers
-from roboscribe.dsl.syntax import Program, Run
-from roboscribe.envs.point_world import Lookahead, PointTask
-from roboscribe.errors import TaskError
+from roboscribe.controllers import Library, scripted
+from roboscribe.dsl.syntax import Program
 from roboscribe.io.atomic import Json
 from roboscribe.program_gen import OPAQUE
-from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.skill import Skill
 from roboscribe.rl.train_program import SkillReport, step_limits, train_program
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.world.task import Task
@@ -22,7 +20,7 @@ from stages import alone
 from stages.files import read_program, write_json
 from stages.journal import Journal
 from stages.progress import Progress, Report, silent
-from stages.skills import Library, read_library, write_library
+from stages.skills import read_library, write_library
 from stages.store import METRICS, PROGRESS, Inputs, Stage
 from stages.values import read_tree
 from stages.world import TaskConfig, load_evidence
@@ -39,7 +37,6 @@ class Config:
         goal: node that the program is to reach.
         seed: decides everything.
         settings: of the learners.
-        scripted: take lookahead controllers instead of learned ones; point tasks only.
         afresh: controllers of the library that are to be trained again.
         solve: whether the program is to bring ψ_R about, not only to reach its end.
     """
@@ -48,7 +45,6 @@ class Config:
     goal: str = ROOT
     seed: int = 0
     settings: TrainConfig = field(default_factory=TrainConfig)
-    scripted: bool = False
     afresh: tuple[str, ...] = ()
     solve: bool = True
 
@@ -68,12 +64,12 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     shown = load_evidence(inputs["demonstrations"], config.task).trajectories
     library = read_library(inputs["controllers"], inputs["weights"], task) if "controllers" in inputs else {}
     known = {name: skill for name, skill in library.items() if name not in config.afresh}
-    if config.scripted:
+    if config.settings.profile == "scripted":
         grown, reports = _script(task, program, read_tree(inputs["tree"]), known, config.seed)
     else:
         (out / PROGRESS).mkdir(exist_ok=True)
         log = _Log(out / METRICS, config.settings, report)
-        skills = {name: skill for name, skill in known.items() if not isinstance(skill, Lookahead)}
+        skills = {name: skill for name, skill in known.items() if isinstance(skill, Skill)}
         result = train_program(
             task,
             program,
@@ -112,23 +108,9 @@ class _Log:
 def _script(
     task: Task, program: Program, tree: Tree, known: Library, seed: int
 ) -> tuple[Library, tuple[SkillReport, ...]]:
-    """Give every new controller a lookahead in the kinematic model."""
-    if not isinstance(task, PointTask):
-        msg = f"profile scripted needs a point task, found {task.name}"
-        raise TaskError(msg)
-    new = {run.controller: run for run in controllers(program) if run.controller not in known}
-    skills = {name: Lookahead(task, run, _scales(run, tree), seed) for name, run in new.items()}
-    reports = tuple(SkillReport(name, "scripted", 0, 0.0, 0.0, 0) for name in new)
-    return {**known, **skills}, reports
-
-
-def _scales(run: Run, tree: Tree) -> dict[str, float]:
-    """Rename the spreads learned with a node, which speak of named entities, to the program's variables."""
-    node = next((node for node in tree.nodes if node.name == run.controller), None)
-    if node is None:
-        return {}
-    pairs = zip(atoms(run.until), atoms(node.predicate), strict=True)
-    return {str(atom_term(mine)): node.scales.get(str(atom_term(theirs)), 1.0) for mine, theirs in pairs}
+    """Take the task's own controllers for what is not known."""
+    new = scripted(task, program, tree, known, seed)
+    return {**known, **new}, tuple(SkillReport(name, "scripted", 0, 0.0, 0.0, 0) for name in new)
 
 
 STAGE = Stage("train", Config, run)

@@ -35,9 +35,10 @@ LAYERS = {
     "rl": LANGUAGE | {"reward"},
     "baselines": LANGUAGE | {"reward", "rl"},
     "io": LANGUAGE,
+    "controllers": LANGUAGE | {"reward", "subtask_tree", "rl", "io"},
 }
 """What each part of `roboscribe` may import of the others."""
-CORE = set(LAYERS) - {"envs", "rl", "baselines", "io"}
+CORE = set(LAYERS) - {"envs", "rl", "baselines", "io", "controllers"}
 """The algorithms: values in, values out."""
 EFFECTS = {"torch", "mujoco", "pyarrow", "mlflow", "prefect"}
 HEAVY = EFFECTS | {"sklearn", "scipy", "pandas", "matplotlib"}
