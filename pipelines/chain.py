@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from roboscribe.errors import DemonstrationError, Fail
+from roboscribe.programs import program_name
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.synthesize import Limits, Solution, roboscribe
 from stages import collect, evaluate, film, ingest, package
@@ -124,12 +124,6 @@ def command(plan: Plan, profile: str | None) -> str:
     for option, value, default in options:
         words += [option, str(value)] if value != default else []
     return shlex.join(words)
-
-
-def program_name(task: str) -> str:
-    """Name a program after its task: "pick-place-1" gives "PickPlace1"."""
-    words = re.findall(r"[^\W_]+", task)
-    return "".join(word[:1].upper() + word[1:] for word in words) or "P"
 
 
 def _demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:

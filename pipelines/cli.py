@@ -119,10 +119,10 @@ def synthesize(
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
     from pipelines.chain import Plan
     from pipelines.home import Home
-    from pipelines.programs import spell_success
     from pipelines.session import Session
     from pipelines.story import Story
     from roboscribe.errors import Fail
+    from roboscribe.evaluation import spell_success
     from roboscribe.rl.config import TrainConfig
     from roboscribe.steps import Limits
     from stages.world import TaskConfig
@@ -185,7 +185,8 @@ def evaluate(
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
     from pipelines.home import Home
-    from pipelines.programs import evaluation, open_program, program_directory, spell_success
+    from pipelines.programs import evaluation, open_program, program_directory
+    from roboscribe.evaluation import spell_success
     from stages.evaluate import Config
 
     with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
@@ -245,7 +246,8 @@ def programs() -> None:
     """List the shipped programs; success as measured when they were made, with its 95 % Wilson interval."""
     from rich.table import Table
 
-    from pipelines.programs import shipped_programs, spell_success
+    from roboscribe.evaluation import spell_success
+    from roboscribe.programs import shipped_programs
 
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("program", "task", "seed", "profile", "success", "size"):

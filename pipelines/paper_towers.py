@@ -17,11 +17,12 @@ from pipelines.bar import Bar
 from pipelines.chain import Plan
 from pipelines.home import Home
 from pipelines.prefect_settings import quiet_prefect
-from pipelines.programs import program_directory, spell_success
+from pipelines.programs import program_directory
 from pipelines.session import Engine, Session
 from pipelines.story import Story
 from roboscribe.envs.catalogue import CONTACTS
 from roboscribe.errors import ArtifactError, Fail
+from roboscribe.evaluation import spell_success
 from roboscribe.io.atomic import canonical_json, sha256_of, write_files
 from roboscribe.io.saved_program import load_program
 from stages import transfer

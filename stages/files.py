@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.dsl.parser import parse_program
-from roboscribe.dsl.printer import pretty
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
+from roboscribe.programs import program_text
 
 FAIL, PROGRAM, TREE, REFINEMENT = "fail.json", "program.txt", "tree.json", "refinement.json"
 OUTCOME, FAILURES, EPISODES = "outcome.json", "failures.safetensors", "episodes.json"
@@ -45,7 +45,7 @@ def read_fail(out: Path) -> Fail | None:
 
 def program_bytes(program: Program) -> bytes:
     """Spell a program as its readers see it; what prints is what runs."""
-    return pretty(program).rstrip().encode() + b"\n"
+    return program_text(program).encode()
 
 
 def read_program(path: Path) -> Program:

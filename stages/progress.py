@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
+from roboscribe.evaluation import Watch
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -33,3 +35,13 @@ Report: TypeAlias = Callable[[Progress], None]
 
 def silent(progress: Progress) -> None:
     """Tell nobody."""
+
+
+def episode_watch(what: str, total: int, report: Report) -> Watch:
+    """Return what an evaluation tells, as messages of a stage."""
+
+    def watch(done: int, successes: int) -> None:
+        metrics = {"success": successes / done} if done else {}
+        report(Progress(what, done, total, "episodes", metrics))
+
+    return watch

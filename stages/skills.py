@@ -9,7 +9,6 @@ from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
 from roboscribe.controllers import Library, Scripted, from_parts, to_parts
-from roboscribe.dsl.interpreter import Controller
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import write_file
 from roboscribe.rl.skill import Skill
@@ -38,8 +37,3 @@ def read_library(descriptions: Path, weights: Path, task: Task) -> dict[str, Ski
         msg = f"{weights}: cannot be read as safetensors ({error})"
         raise ArtifactError(msg) from error
     return from_parts(read_json(descriptions), arrays, task, str(weights))
-
-
-def as_controllers(library: Library) -> dict[str, Controller]:
-    """Return the library as the interpreter takes it."""
-    return dict(library)

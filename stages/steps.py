@@ -19,6 +19,7 @@ from roboscribe.rl.config import TrainConfig
 from roboscribe.steps import Decision, Outcome, Steps, explained
 from roboscribe.strips import Strips, strips
 from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.tree_json import tree_to_json
 from roboscribe.world.layout import FloatArray
 from stages import classify, generate, roll_out, skills, train, update_tree, validate
 from stages.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
@@ -35,7 +36,7 @@ from stages.files import (
     read_program,
 )
 from stages.store import METRICS, AnyStage, Inputs
-from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json, tree_to_json
+from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json
 from stages.world import TaskConfig, load_evidence
 
 CHECKED = 20

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
+from roboscribe.runnable import runnable
 from stages import alone
 from stages.evaluate import record
-from stages.grounded import grounded
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
 from stages.world import TaskConfig
@@ -50,7 +50,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     with tempfile.TemporaryDirectory() as scratch:
         for name, file in FILES.items():  # a program is loaded from one directory, wherever its files lie here
             shutil.copyfile(inputs[name], Path(scratch) / file)
-        program = grounded(load_program(Path(scratch)), task, str(inputs["controllers"]))
+        program = runnable(load_program(Path(scratch)), task, str(inputs["controllers"]))
     record(program, task, config.seed, config.episodes, out, report)
 
 

@@ -36,9 +36,15 @@ LAYERS = {
     "baselines": LANGUAGE | {"reward", "rl"},
     "io": LANGUAGE,
     "controllers": LANGUAGE | {"reward", "subtask_tree", "rl", "io"},
+    "tree_json": LANGUAGE | {"subtask_tree", "io"},
+    "runnable": LANGUAGE | {"controllers", "io"},
+    "programs": LANGUAGE | {"subtask_tree", "controllers", "tree_json", "io"},
+    "evaluation": LANGUAGE | {"subtask_tree", "steps", "runnable", "io"},
 }
 """What each part of `roboscribe` may import of the others."""
-CORE = set(LAYERS) - {"envs", "rl", "baselines", "io", "controllers"}
+SURFACE = {"controllers", "tree_json", "runnable", "programs", "evaluation"}
+"""What a user of the library calls, and what it needs of everything below."""
+CORE = set(LAYERS) - SURFACE - {"envs", "rl", "baselines", "io"}
 """The algorithms: values in, values out."""
 EFFECTS = {"torch", "mujoco", "pyarrow", "mlflow", "prefect"}
 HEAVY = EFFECTS | {"sklearn", "scipy", "pandas", "matplotlib"}

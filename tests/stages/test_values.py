@@ -16,6 +16,7 @@ from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.evidence import Evidence
 from roboscribe.subtask_tree import ROOT, Node, Place, Tree, update_tree
+from roboscribe.tree_json import tree_from_json, tree_to_json
 from stages.files import OUTCOME, REFINEMENT, read_fail, read_json, write_fail, write_json
 from stages.skills import DESCRIPTIONS, WEIGHTS, read_library, write_library
 from stages.values import (
@@ -23,8 +24,6 @@ from stages.values import (
     read_outcome,
     read_refinement,
     refinement_to_json,
-    tree_from_json,
-    tree_to_json,
 )
 
 TASK = POINT_TASKS["point-pick-place-1"]
