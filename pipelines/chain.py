@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.programs import program_name
 from roboscribe.rl.config import Profile, TrainConfig
-from roboscribe.synthesize import Limits, Solution, roboscribe
 from stages import collect, evaluate, film, ingest, package
 from stages.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
 from stages.files import EPISODES, OUTCOME, read_fail, read_json

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from roboscribe.abstraction_refinement import Outcome
 from roboscribe.evaluation import episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
 from roboscribe.runnable import Runnable
 from roboscribe.subtask_tree import ROOT
-from roboscribe.synthesize import Outcome
 from stages import alone
 from stages.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
 from stages.progress import Report, episode_watch, silent

@@ -1,4 +1,4 @@
-"""The pieces of Algorithm 2, each backed by a stage: the algorithm stands in `roboscribe.synthesize` alone."""
+"""The pieces of Algorithm 2, each backed by a stage: the algorithm stands in `roboscribe.abstraction_refinement` alone."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
+from roboscribe.abstraction_refinement import Outcome
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.printer import text
@@ -18,7 +19,6 @@ from roboscribe.errors import ArtifactError, RoboScribeError
 from roboscribe.io.atomic import Json
 from roboscribe.search.candidates import Candidate
 from roboscribe.subtask_tree import Place, Tree
-from roboscribe.synthesize import Outcome
 from roboscribe.tree_json import node_from_json, node_to_json, tree_from_json
 from roboscribe.world.layout import FloatArray
 from stages.files import FAILURES, OUTCOME, read_json

@@ -29,7 +29,7 @@ LAYERS = {
     "program_gen": TREE | {"loop_guard"},
     "steps": TREE | {"program_gen", "classifier"},
     "best_first": TREE | {"classifier", "steps"},
-    "synthesize": TREE | {"classifier", "steps", "best_first"},
+    "abstraction_refinement": TREE | {"classifier", "steps", "best_first"},
     "adapt": TREE | {"loop_guard"},
     "envs": LANGUAGE | {"reward"},
     "rl": LANGUAGE | {"reward"},
@@ -96,7 +96,7 @@ def test_the_algorithms_have_no_effects(path: Path) -> None:
 
 def test_importing_the_algorithms_loads_numpy_alone() -> None:
     core = [dotted(path) for path in files("roboscribe") if part(path) in CORE]
-    assert "roboscribe.synthesize" in core
+    assert "roboscribe.abstraction_refinement" in core
     script = f"import sys, {', '.join(core)}; print(*{{name.partition('.')[0] for name in sys.modules}})"
     loaded = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     heavy = set(loaded.stdout.split()) & HEAVY

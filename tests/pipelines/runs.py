@@ -9,10 +9,10 @@ from pipelines.audience import Audience
 from pipelines.chain import Plan
 from pipelines.home import Home
 from pipelines.session import Engine, Session
+from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
 from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
-from roboscribe.synthesize import Limits
 from stages.events import Event
 from stages.progress import Progress
 from stages.world import TaskConfig

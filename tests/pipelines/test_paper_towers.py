@@ -19,9 +19,9 @@ from pipelines import paper_towers
 from pipelines.chain import Plan
 from pipelines.home import Home
 from pipelines.paper_towers import Experiment, Report, TowersSession, planned
+from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.saved_program import load_program, save_program
-from roboscribe.synthesize import Limits
 from stages import transfer
 from stages.mlflow_store import synchronise
 from stages.store import Stage
