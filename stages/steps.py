@@ -1,4 +1,4 @@
-"""The pieces of Algorithm 2, each backed by a stage: the algorithm stands in `roboscribe.abstraction_refinement` alone."""
+"""The pieces of Algorithm 2, each backed by a stage; the algorithm itself stands in `abstraction_refinement` alone."""
 
 from __future__ import annotations
 
