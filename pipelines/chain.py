@@ -9,6 +9,7 @@ from typing import Any
 
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.errors import DemonstrationError, Fail
+from roboscribe.grounding import settled_profile
 from roboscribe.programs import program_name
 from roboscribe.rl.config import Profile, TrainConfig
 from stages import collect, evaluate, film, ingest, package
@@ -78,7 +79,7 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
     if isinstance(report, Fail):
         tell(Failed(report.reason))
         return report
-    profile = _profile(plan, report)
+    profile = settled_profile(plan.profile, report["actions"], plan.demonstrations or DEMONSTRATIONS)
     tell(Ingested(report, profile))
     setting = _setting(plan, profile, shown)
     staged = Staged(setting, call, put, tell)
@@ -138,18 +139,6 @@ def _demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
     fail = read_fail(out)
     return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
-
-
-def _profile(plan: Plan, report: dict[str, Any]) -> Profile:
-    """Settle how to learn.
-
-    Raises:
-        DemonstrationError: profile `actions` is asked for and the demonstrations have none.
-    """
-    if plan.profile == "actions" and not report["actions"]:
-        msg = f"{plan.demonstrations}: found no actions, expected them for profile actions; use profile states"
-        raise DemonstrationError(msg)
-    return plan.profile or ("actions" if report["actions"] else "states")
 
 
 def _setting(plan: Plan, profile: Profile, shown: Path) -> Setting:

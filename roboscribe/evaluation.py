@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from html import escape
 from typing import Any, TypeAlias
 from zlib import crc32
 
@@ -127,6 +128,10 @@ class Evaluation:
     def __str__(self) -> str:
         """Spell the success rate with its interval."""
         return f"{self.task}: success {spell_success(self.figures)} of {self.episodes} episodes, 95 % interval"
+
+    def _repr_html_(self) -> str:
+        """Show the figures in a notebook."""
+        return f"<p>{escape(str(self))}</p>"
 
 
 def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watch = unwatched) -> Evaluation:

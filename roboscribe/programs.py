@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.controllers import Library, to_parts
-from roboscribe.dsl.printer import pretty
+from roboscribe.dsl.printer import program_text
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ArtifactError
@@ -82,11 +82,6 @@ def program_name(task: str) -> str:
     """Name a program after its task: "pick-place-1" gives "PickPlace1", "path/to/task.py:Push" gives "Push"."""
     words = re.findall(r"[^\W_]+", IN_FILE.sub("", task))
     return "".join(word[:1].upper() + word[1:] for word in words) or "P"
-
-
-def program_text(program: Program) -> str:
-    """Spell a program as its readers see it; what prints is what runs."""
-    return pretty(program).rstrip() + "\n"
 
 
 def saved_form(program: Program, tree: Tree, library: Library, manifest: Mapping[str, Json]) -> SavedProgram:

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.dsl.parser import parse_program
+from roboscribe.dsl.printer import program_text
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
-from roboscribe.programs import program_text
 
 FAIL, PROGRAM, TREE, REFINEMENT = "fail.json", "program.txt", "tree.json", "refinement.json"
 OUTCOME, FAILURES, EPISODES = "outcome.json", "failures.safetensors", "episodes.json"

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from roboscribe.evaluation import Watch
-
 
 @dataclass(frozen=True)
 class Progress:
@@ -37,7 +35,7 @@ def silent(progress: Progress) -> None:
     """Tell nobody."""
 
 
-def episode_watch(what: str, total: int, report: Report) -> Watch:
+def episode_watch(what: str, total: int, report: Report) -> Callable[[int, int], None]:
     """Return what an evaluation tells, as messages of a stage."""
 
     def watch(done: int, successes: int) -> None:

@@ -7,15 +7,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from roboscribe.controllers import Library, scripted
-from roboscribe.dsl.syntax import Program
+from roboscribe.grounding import ground
 from roboscribe.io.atomic import Json
 from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
-from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import SkillReport, step_limits, train_program
-from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.world.task import Task
+from roboscribe.rl.train_program import step_limits
+from roboscribe.subtask_tree import ROOT
 from stages import alone
 from stages.files import read_program, write_json
 from stages.journal import Journal
@@ -64,24 +61,19 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     shown = load_evidence(inputs["demonstrations"], config.task).trajectories
     library = read_library(inputs["controllers"], inputs["weights"], task) if "controllers" in inputs else {}
     known = {name: skill for name, skill in library.items() if name not in config.afresh}
-    if config.settings.profile == "scripted":
-        grown, reports = _script(task, program, read_tree(inputs["tree"]), known, config.seed)
-    else:
-        (out / PROGRESS).mkdir(exist_ok=True)
-        log = _Log(out / METRICS, config.settings, report)
-        skills = {name: skill for name, skill in known.items() if isinstance(skill, Skill)}
-        result = train_program(
-            task,
-            program,
-            shown,
-            skills,
-            config.settings,
-            config.seed,
-            log=log,
-            checkpoints=out / PROGRESS,
-            solve=config.goal == ROOT,
-        )
-        grown, reports = result.library, result.reports
+    (out / PROGRESS).mkdir(exist_ok=True)
+    grown, reports = ground(
+        task,
+        program,
+        read_tree(inputs["tree"]),
+        shown,
+        known,
+        config.settings,
+        config.seed,
+        solve=config.goal == ROOT,
+        log=_Log(out / METRICS, config.settings, report),
+        checkpoints=out / PROGRESS,
+    )
     write_library(out, grown)
     write_json(out / LIMITS, dict(step_limits(program, shown, task)))
     write_json(out / REPORTS, [asdict(each) for each in reports])
@@ -103,14 +95,6 @@ class _Log:
         assert isinstance(time, int)
         budget = self._settings.opaque_budget if controller == OPAQUE else self._settings.budget
         self._report(Progress(controller, step, budget, "steps", metrics, time))
-
-
-def _script(
-    task: Task, program: Program, tree: Tree, known: Library, seed: int
-) -> tuple[Library, tuple[SkillReport, ...]]:
-    """Take the task's own controllers for what is not known."""
-    new = scripted(task, program, tree, known, seed)
-    return {**known, **new}, tuple(SkillReport(name, "scripted", 0, 0.0, 0.0, 0) for name in new)
 
 
 STAGE = Stage("train", Config, run)

@@ -40,9 +40,20 @@ LAYERS = {
     "runnable": LANGUAGE | {"controllers", "io"},
     "programs": LANGUAGE | {"subtask_tree", "controllers", "tree_json", "io"},
     "evaluation": LANGUAGE | {"subtask_tree", "steps", "runnable", "io"},
+    "policy": LANGUAGE | {"evaluation", "programs", "runnable", "envs", "html", "io"},
+    "synthesis": TREE | {"classifier", "evaluation", "policy", "html", "io"},
+    "grounding": TREE | {"program_gen", "controllers", "rl", "io"},
+    "learning": TREE
+    | {"abstraction_refinement", "steps", "controllers", "grounding", "runnable", "evaluation", "programs", "policy"}
+    | {"synthesis", "rl", "io"},
+    "notebook": set(),
 }
 """What each part of `roboscribe` may import of the others."""
-SURFACE = {"controllers", "tree_json", "runnable", "programs", "evaluation"}
+SURFACE = {"controllers", "tree_json", "runnable", "programs", "evaluation", "policy", "synthesis"} | {
+    "grounding",
+    "learning",
+    "notebook",
+}
 """What a user of the library calls, and what it needs of everything below."""
 CORE = set(LAYERS) - SURFACE - {"envs", "rl", "baselines", "io"}
 """The algorithms: values in, values out."""

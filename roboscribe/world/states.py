@@ -34,10 +34,9 @@ def state_of(layout: Layout, values: Mapping[str, ArrayLike]) -> FloatArray:
     """
     places = column_places(layout)
     if set(values) != set(places):
-        missing, unknown = (
-            ", ".join(sorted(names)) for names in (set(places) - set(values), set(values) - set(places))
-        )
-        msg = f"found columns {', '.join(values)}; missing {missing or 'none'}, unknown {unknown or 'none'}"
+        missing = ", ".join(name for name in places if name not in values) or "none"
+        unknown = ", ".join(name for name in values if name not in places) or "none"
+        msg = f"missing column {missing}, unknown column {unknown}; expected {', '.join(places)}"
         raise ValueError(msg)
     parts = [_part(name, values[name], place.stop - place.start) for name, place in places.items()]
     leading = {part.shape[:-1] for part in parts}
