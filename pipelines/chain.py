@@ -75,7 +75,7 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
         put: stores a small value.
         tell: hears what happens.
     """
-    shown, report = _demonstrations(plan, call)
+    shown, report = demonstrations(plan, call)
     if isinstance(report, Fail):
         tell(Failed(report.reason))
         return report
@@ -127,7 +127,7 @@ def command(plan: Plan, profile: str | None) -> str:
     return shlex.join(words)
 
 
-def _demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
+def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
     """Return the file of usable demonstrations and what is said about it."""
     given = plan.demonstrations
     if given is None:

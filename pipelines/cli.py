@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from pipelines import looking
+from pipelines import baseline_command, looking
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.errors import RoboScribeError
 from roboscribe.rl.config import Profile
@@ -306,7 +306,7 @@ def ui(
     serve(Home(home), port)
 
 
-app.registered_commands += looking.app.registered_commands
+app.registered_commands += [*baseline_command.app.registered_commands, *looking.app.registered_commands]
 
 
 def main() -> None:

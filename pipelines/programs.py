@@ -14,7 +14,8 @@ from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import load_program
 from roboscribe.programs import find_program
-from roboscribe.runnable import Runnable, runnable
+from roboscribe.runnable import Runnable
+from roboscribe.saved import open_saved
 from roboscribe.subtask_tree import ROOT
 from stages import evaluate
 from stages.progress import Report, episode_watch, silent
@@ -83,7 +84,7 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
     """
     saved = load_program(directory)
     where = TaskConfig(str(saved.manifest["task"]) if task is None else task, contact, timing)
-    return runnable(saved, where.make(), str(directory)), where
+    return open_saved(saved, where.make(), str(directory)), where
 
 
 def evaluation(program: Runnable, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:

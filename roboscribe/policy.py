@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from roboscribe.dsl.interpreter import at_work
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.printer import program_text, text
@@ -20,7 +21,8 @@ from roboscribe.html.code import program_html
 from roboscribe.html.style import standalone
 from roboscribe.io.saved_program import load_program
 from roboscribe.programs import find_program
-from roboscribe.runnable import Runnable, runnable
+from roboscribe.runnable import Runnable
+from roboscribe.saved import open_saved
 from roboscribe.world.layout import NULL, FloatArray
 from roboscribe.world.task import Task
 
@@ -56,10 +58,13 @@ class Policy:
         limits, confirm = runnable.limits, runnable.confirm
         self._machine = Machine(self.program, task.layout, 1, limits=limits, confirm=confirm, solved=task.solved)
         self._sizes = [len(run_variables(run)) for run in self._runs]
+        self._crew = [at_work(runnable.library[run.controller], 1) for run in self._runs]
 
     def reset(self) -> None:
         """Begin an episode: the program starts over."""
         self._machine.reset(ROW)
+        for controller in self._crew:
+            controller.forget(ROW)
 
     def act(self, observation: Any) -> FloatArray:  # noqa: ANN401 - whatever the task reads
         """Observe and choose an action.
@@ -82,7 +87,7 @@ class Policy:
         if rank < 0:
             return np.zeros(self.task.action_size)
         entities = self._machine.entities(ROW)[:, : self._sizes[rank]]
-        action: FloatArray = self.runnable.library[self._runs[rank].controller].act(state, entities)[0]
+        action: FloatArray = self._crew[rank].act(ROW, state, entities)[0]
         return action
 
     @property
@@ -141,7 +146,7 @@ class Policy:
 
 
 def load(program: str | Path, task: Task | str | None = None) -> Policy:
-    """Load a program, ready to drive one robot.
+    """Load a program, or a baseline, ready to drive one robot.
 
     Args:
         program: a directory that `roboscribe synthesize --out` or `Synthesis.save` wrote, an edited copy of it, or the
@@ -156,7 +161,7 @@ def load(program: str | Path, task: Task | str | None = None) -> Policy:
     directory = find_program(program)
     saved = load_program(directory)
     where = task_named(str(saved.manifest["task"]) if task is None else task)
-    return Policy(runnable(saved, where, str(directory)), where)
+    return Policy(open_saved(saved, where, str(directory)), where)
 
 
 def evaluate(

@@ -51,7 +51,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Tracker:
-    """Listens to one synthesis.
+    """Listens to one synthesis, or to the training of a baseline.
 
     Args:
         directory: of the run; holds the journal.
@@ -59,6 +59,7 @@ class Tracker:
         params: scalar parameters, repeated on every child so that runs can be compared.
         title: how the run is called.
         experiment: group of runs.
+        kind: of the run.
     """
 
     directory: Path
@@ -66,6 +67,7 @@ class Tracker:
     params: Mapping[str, str]
     title: str
     experiment: str
+    kind: str = "synthesis"
     _follower: subprocess.Popen[bytes] | None = None
     _counts: dict[str, int] = field(default_factory=dict)
     _last: RolledOut | None = None
@@ -77,7 +79,7 @@ class Tracker:
         self.attempt = 1 + sum(r["kind"] == "status" and r["value"] == "RUNNING" for r in self._journal.records())
         self._note(PARENT, "run", "title", self.title)
         self._note(PARENT, "run", "experiment", self.experiment)
-        self._params(PARENT, {"kind": "synthesis"})
+        self._params(PARENT, {"kind": self.kind})
         self.status("RUNNING")
 
     def start(self) -> None:
@@ -118,6 +120,10 @@ class Tracker:
         """Journal a file of the run's own."""
         self._note(PARENT, "artifact", path.name, str(path.resolve()), folder="")
 
+    def keep(self, directory: Path) -> None:
+        """Journal a saved program's or baseline's directory."""
+        self._note(PARENT, "artifacts", "program", str(directory))
+
     def watch(self, progress: Progress) -> None:
         """Journal a learner's figures as they come."""
         if progress.unit == STEPS:
@@ -155,7 +161,7 @@ class Tracker:
     def _ending(self, event: Packaged | Filmed | Failed) -> None:
         match event:
             case Packaged(_, _, directory):
-                self._note(PARENT, "artifacts", "program", str(directory))
+                self.keep(directory)
                 self._tree(PARENT, directory / TREE)
             case Filmed(video):
                 self._note(PARENT, "artifact", "video", str(video), folder="")

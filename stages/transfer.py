@@ -1,4 +1,4 @@
-"""Measure a saved program, without any training, in a task that may be another than the one it was made for."""
+"""Measure a saved program or baseline, untrained, in a task that may be another than the one it was made for."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
-from roboscribe.runnable import runnable
+from roboscribe.saved import open_saved
 from stages import alone
 from stages.evaluate import record
 from stages.progress import Report, silent
@@ -50,7 +50,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     with tempfile.TemporaryDirectory() as scratch:
         for name, file in FILES.items():  # a program is loaded from one directory, wherever its files lie here
             shutil.copyfile(inputs[name], Path(scratch) / file)
-        program = runnable(load_program(Path(scratch)), task, str(inputs["controllers"]))
+        program = open_saved(load_program(Path(scratch)), task, str(inputs["controllers"]))
     record(program, task, config.seed, config.episodes, out, report)
 
 

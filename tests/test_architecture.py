@@ -38,9 +38,10 @@ LAYERS = {
     "controllers": LANGUAGE | {"reward", "subtask_tree", "rl", "io"},
     "tree_json": LANGUAGE | {"subtask_tree", "io"},
     "runnable": LANGUAGE | {"controllers", "io"},
+    "saved": LANGUAGE | {"runnable", "baselines", "io"},
     "programs": LANGUAGE | {"subtask_tree", "controllers", "tree_json", "io"},
     "evaluation": LANGUAGE | {"subtask_tree", "steps", "runnable", "io"},
-    "policy": LANGUAGE | {"evaluation", "programs", "runnable", "envs", "html", "io"},
+    "policy": LANGUAGE | {"evaluation", "programs", "runnable", "saved", "envs", "html", "io"},
     "synthesis": TREE | {"classifier", "evaluation", "policy", "html", "io"},
     "grounding": TREE | {"program_gen", "controllers", "rl", "io"},
     "learning": TREE
@@ -49,7 +50,7 @@ LAYERS = {
     "notebook": set(),
 }
 """What each part of `roboscribe` may import of the others."""
-SURFACE = {"controllers", "tree_json", "runnable", "programs", "evaluation", "policy", "synthesis"} | {
+SURFACE = {"controllers", "tree_json", "runnable", "saved", "programs", "evaluation", "policy", "synthesis"} | {
     "grounding",
     "learning",
     "notebook",

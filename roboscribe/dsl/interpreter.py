@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.random import Generator
@@ -32,6 +32,37 @@ class Controller(Protocol):
         n is the count of distinct variables among the controller's arguments, in order of first occurrence; a column
         holds NULL where the variable is null.
         """
+
+
+class Memory(Protocol):
+    """A controller at work in many rows that remembers what it saw earlier in each row's episode."""
+
+    def forget(self, rows: IntArray) -> None:
+        """Begin episodes in some rows (R,)."""
+
+    def act(self, rows: IntArray, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Choose actions (R, A) as a controller does; called once per step in which the controller acts in `rows`."""
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """A controller whose action depends on more than the present state."""
+
+    def remember(self, batch: int) -> Memory:
+        """Return what acts in `batch` rows."""
+
+
+@dataclass(frozen=True)
+class _Memoryless:
+    """An ordinary controller where one that remembers is wanted."""
+
+    controller: Controller
+
+    def forget(self, rows: IntArray) -> None:
+        """Do nothing: there is nothing to forget."""
+
+    def act(self, rows: IntArray, states: FloatArray, entities: IntArray) -> FloatArray:
+        return self.controller.act(states, entities)
 
 
 def execute(
@@ -84,9 +115,14 @@ def execute(
     rows = min(batch, max(len(seeds), 1))
     machine = Machine(program, task.layout, rows, limits=limits, confirm=confirm, rng=rng, solved=task.solved)
     tape = Tape(task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions)
-    crew = [(controllers[run.controller], len(run_variables(run))) for run in runs_of(program)]
+    crew = [(at_work(controllers[run.controller], rows), len(run_variables(run))) for run in runs_of(program)]
     world = task.world(rows)
     return _Execution(np.asarray(seeds, dtype=np.int64), task, world, machine, tape, crew, until_end).run()
+
+
+def at_work(controller: Controller, batch: int) -> Memory:
+    """Return a controller as it acts in `batch` rows."""
+    return controller.remember(batch) if isinstance(controller, Remembering) else _Memoryless(controller)
 
 
 @dataclass
@@ -98,7 +134,7 @@ class _Execution:
     world: World
     machine: Machine
     tape: Tape
-    crew: list[tuple[Controller, int]]
+    crew: list[tuple[Memory, int]]
     until_end: bool
 
     def __post_init__(self) -> None:
@@ -131,6 +167,8 @@ class _Execution:
             self._diverged[rows] = False
             self.tape.start(rows, self._states[rows])
             self.machine.reset(rows)
+            for controller, _ in self.crew:
+                controller.forget(rows)
         return rows
 
     def _judge(self, rows: IntArray) -> tuple[IntArray, IntArray]:
@@ -156,20 +194,20 @@ class _Execution:
 
     def _step(self, rows: IntArray) -> None:
         lines = self.machine.run_index[rows]
-        actions = self._command(lines, self._states[rows], self.machine.entities(rows))
+        actions = self._command(rows, lines, self._states[rows], self.machine.entities(rows))
         states = self.world.step(rows, actions)
         self.tape.step(rows, actions, lines, self.machine.served[rows], states)
         self._states[rows] = states
         self._diverged[rows] = self.world.diverged(rows)
 
-    def _command(self, lines: IntArray, states: FloatArray, entities: IntArray) -> FloatArray:
+    def _command(self, rows: IntArray, lines: IntArray, states: FloatArray, entities: IntArray) -> FloatArray:
         """Ask each row's controller for an action (R, A); rows without one stand still."""
         actions = np.zeros((len(lines), self.task.action_size))
         for line in np.flatnonzero(np.bincount(lines + 1)) - 1:
             if line >= 0:
                 here = np.flatnonzero(lines == line)
                 controller, count = self.crew[line]
-                actions[here] = controller.act(states[here], entities[here, :count])
+                actions[here] = controller.act(rows[here], states[here], entities[here, :count])
         return actions
 
 

@@ -12,7 +12,6 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3 import SAC
 from stable_baselines3.common.logger import KVWriter, Logger
-from stable_baselines3.common.vec_env import VecEnv
 
 from roboscribe.rl.config import SacConfig
 from roboscribe.rl.observation import Encoder
@@ -20,12 +19,13 @@ from roboscribe.rl.ppo import Learned, LearnerTask, Log, silent
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.skill_env import SkillEnv
 from roboscribe.rl.torch_net import layers_of, single_thread
+from roboscribe.rl.vec_env import RowsEnv
 
 UNMEASURED = -1.0
 """Success before the first evaluation: below every rate, so that the first policy evaluated is kept."""
 
 
-class SacEnv(VecEnv):
+class SacEnv(RowsEnv):
     """A skill's environment as Stable-Baselines3 steps it. Rewards are R_φ + 1 while φ, not scaled by 1 − γ."""
 
     def __init__(self, env: SkillEnv, encoder: Encoder, action_size: int) -> None:
@@ -58,33 +58,9 @@ class SacEnv(VecEnv):
         rewards = (outcome.reward / (1 - self.env.gamma)).astype(np.float32)
         return self._observed(), rewards, ended, notes
 
-    def close(self) -> None:
-        """Do nothing: worlds need no closing."""
-
-    def get_attr(self, attr_name: str, indices: object = None) -> list[object]:
-        """Answer what the library asks: rows have no render mode, and nothing else of their own."""
-        if attr_name != "render_mode":
-            msg = f"rows of a skill's environment have no attribute {attr_name}"
-            raise AttributeError(msg)
-        return [None] * self.num_envs
-
-    def set_attr(self, attr_name: str, value: object, indices: object = None) -> None:
-        """Refuse: rows have no attributes of their own."""
-        msg = f"rows of a skill's environment have no attribute {attr_name}"
-        raise AttributeError(msg)
-
-    def env_method(self, method_name: str, *args: object, indices: object = None, **kwargs: object) -> list[object]:
-        """Refuse: rows have no methods of their own."""
-        msg = f"rows of a skill's environment have no method {method_name}"
-        raise AttributeError(msg)
-
-    def env_is_wrapped(self, wrapper_class: type[object], indices: object = None) -> list[bool]:
-        """Answer that no row is wrapped."""
-        return [False] * self.num_envs
-
 
 @dataclass
-class _Metrics(KVWriter):
+class Metrics(KVWriter):
     """The library's metrics, kept as plain numbers."""
 
     latest: dict[str, float]
@@ -122,11 +98,11 @@ def train_sac(
         for ever), and many rows are stepped per round, so that updates, the costly part, are fewer per control step.
     """
     single_thread()
-    with _global_generators():
+    with global_generators():
         env = SkillEnv(task.subtask, task.pool, config.worlds, config.gamma, np.random.default_rng(seed))
         metrics: dict[str, float] = {}
         model = _build(SacEnv(env, skill.encoder, task.subtask.task.action_size), config, seed)
-        model.set_logger(Logger(None, [_Metrics(metrics)]))
+        model.set_logger(Logger(None, [Metrics(metrics)]))
         best, success, spent, evaluating = skill, UNMEASURED, 0, 0
         while spent + config.worlds * config.evaluate_every <= task.budget and success < task.target:
             model.learn(config.worlds * config.evaluate_every, log_interval=task.budget, reset_num_timesteps=spent == 0)
@@ -165,7 +141,7 @@ def actor_layers(model: SAC) -> Layers:
 
 
 @contextlib.contextmanager
-def _global_generators() -> Iterator[None]:
+def global_generators() -> Iterator[None]:
     """Put the process-wide random generators, which the library seeds, back as they were."""
     import random
 

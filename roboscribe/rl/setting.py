@@ -112,15 +112,19 @@ class Setting:
     def segments(self) -> tuple[tuple[Segment, ...], ...]:
         """Each demonstration cut by the program; what comes after its end counts where it is to bring ψ_R about.
 
-        What a demonstration does in a segment for other entities first is left out.
+        What a demonstration does in a segment first for entities that the program does not deal with is left out.
         """
-        return tuple(
-            tuple(
-                replace(part, start=attended_from(shown, part.start, part.stop, part.entities))
-                for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve)
-            )
-            for shown in self.demonstrations
-        )
+        return tuple(self._segments(shown) for shown in self.demonstrations)
+
+    def _segments(self, shown: Trajectory) -> tuple[Segment, ...]:
+        """Cut one demonstration."""
+        found: list[Segment] = []
+        known: set[int] = set()
+        for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve):
+            known |= set(part.entities)
+            begin = attended_from(shown, part.start, part.stop, part.entities, known) if part.entities else part.start
+            found.append(replace(part, start=begin))
+        return tuple(found)
 
     @cached_property
     def limits(self) -> dict[str, int]:
@@ -189,10 +193,13 @@ class Setting:
         return {text: spread for text, spread in spreads.items() if spread > 0}
 
     def _parts(self, run: Run) -> list[tuple[Trajectory, Segment]]:
-        """List the segments of one controller statement, each with its demonstration."""
-        rank = next(rank for rank, each in enumerate(self.runs) if each is run)
-        pairs = zip(self.demonstrations, self.segments, strict=True)
-        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index == rank]
+        """List the segments of a controller, each with its demonstration."""
+        ranks, pairs = self.ranks(run), zip(self.demonstrations, self.segments, strict=True)
+        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index in ranks]
+
+    def ranks(self, run: Run) -> tuple[int, ...]:
+        """Return where a controller stands among the statements: more than once where branches share it."""
+        return tuple(rank for rank, each in enumerate(self.runs) if each.controller == run.controller)
 
     def frames(self, run: Run) -> Frames | None:
         """Cut a controller's frames out of the demonstrations, and a few beyond φ; None where there are none."""
@@ -225,8 +232,7 @@ class Setting:
         starts, evaluation = config.starts * times, config.evaluation * times
         if isinstance(run.until, Solved):
             starts = evaluation = config.opaque
-        rank = next(rank for rank, each in enumerate(self.runs) if each is run)
-        prefix = Prefix(self.program, rank, skills, self.limits, self.config.confirm)
+        prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
         seeds = rng.integers(SEEDS, size=config.attempts * (starts + evaluation))
         found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch)
         share = evaluation / (starts + evaluation)

@@ -26,14 +26,14 @@ class Prefix:
 
     Args:
         program: the whole program.
-        target: rank of the controller among `controllers(program)`.
+        targets: ranks of the controller among `controllers(program)`; branches may share one.
         skills: controllers trained so far, by name.
         limits: step limit by controller name.
         confirm: consecutive steps for which a subgoal must hold.
     """
 
     program: Program
-    target: int
+    targets: tuple[int, ...]
     skills: Mapping[str, Controller]
     limits: Mapping[str, int]
     confirm: int = TrainConfig.confirm
@@ -74,7 +74,7 @@ class _Collection:
         self.machine.advance(rows, self.states[rows])
         now, visits = self.machine.run_index[rows], self.machine.visit[rows]
         fresh = ~self.machine.ended[rows] & ~self.task.solved(self.states[rows])
-        self._keep(rows[(now == self.prefix.target) & (visits != self.visits[rows]) & fresh])
+        self._keep(rows[np.isin(now, self.prefix.targets) & (visits != self.visits[rows]) & fresh])
         self.visits[rows] = visits
         known = np.array([run.controller in self.prefix.skills for run in self.runs])
         over = (now < 0) | ~known[now] | ~fresh | self.world.diverged(rows)
@@ -83,7 +83,7 @@ class _Collection:
     def _keep(self, rows: IntArray) -> None:
         if not len(rows):
             return
-        bound = self.machine.entities(rows)[:, : len(run_variables(self.runs[self.prefix.target]))]
+        bound = self.machine.entities(rows)[:, : len(run_variables(self.runs[self.prefix.targets[0]]))]
         for row, snapshot, entities in zip(rows, self.world.save(rows), bound, strict=True):
             when = int(self.episode[row]), int(self.steps[row])
             self.found.append((*when, snapshot, self.states[row].copy(), entities))
@@ -142,7 +142,7 @@ def collect_starts(
             launched += len(free)
             continue
         if (collection.episode == IDLE).all():
-            entities = len(run_variables(collection.runs[prefix.target]))
+            entities = len(run_variables(collection.runs[prefix.targets[0]]))
             return collection.pool(entities).take(
                 np.arange(min(wanted, len(collection.found)))
             ), collection.world.control_steps

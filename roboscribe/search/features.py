@@ -137,7 +137,12 @@ def _objects(layout: Layout, kinds: dict[str, ObjectType]) -> list[tuple[Object,
     found: list[tuple[Object, tuple[Attribute, ...]]] = [(Robot(), layout.robot.attributes)]
     found += [(Var(name), kind.attributes) for name, kind in kinds.items()]
     found += [(Goal(Var(name)), kind.goal) for name, kind in kinds.items() if kind.goal]
-    return [(item, tuple(a for a in attributes if not a.unit.endswith("/s"))) for item, attributes in found]
+    return [(item, tuple(a for a in attributes if not _hidden(a))) for item, attributes in found]
+
+
+def _hidden(attribute: Attribute) -> bool:
+    """Tell what no predicate may speak of: speeds, and a task's own flag of success."""
+    return attribute.unit.endswith("/s") or attribute.unit == "flag"
 
 
 def _coordinates(item: Object, attribute: Attribute) -> Iterator[Feature]:

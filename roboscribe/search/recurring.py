@@ -90,8 +90,8 @@ def _candidate(
     pos = np.minimum(at_end, before)
     settled = _settled(values, pos.max(), pairs)
     kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos.ravel()
-    near = before[settled] if settled.any(axis=0).mean() >= AGREEMENT else before.ravel()
-    threshold, gap = bound(kept, worst, spread, near)
+    # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
+    threshold, gap = bound(kept, worst, spread, before.ravel())
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)

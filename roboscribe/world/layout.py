@@ -26,7 +26,7 @@ class Attribute:
     Args:
         name: for instance "position" or "opening".
         components: one name per number; a scalar attribute has its own name as its only component.
-        unit: "m", "rad", "m/s", "rad/s", "1" or "quaternion" (unit norm).
+        unit: "m", "rad", "m/s", "rad/s", "1", "quaternion" (unit norm) or "flag" (0 or 1, in no predicate).
         low: least value that can be right, in `unit`.
         high: greatest value that can be right, in `unit`.
     """
@@ -45,7 +45,7 @@ class Attribute:
     @property
     def is_place(self) -> bool:
         """Whether it says how things are, number by number: no velocity, and no quaternion."""
-        return not self.unit.endswith("/s") and self.unit != "quaternion"
+        return not self.unit.endswith("/s") and self.unit not in ("quaternion", "flag")
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ the program binds them; untouched ones come last, in their own order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -52,25 +52,26 @@ def first_displacements(trajectory: Trajectory) -> IntArray:
     return first
 
 
-def attended_from(trajectory: Trajectory, start: int, stop: int, entities: Sequence[int]) -> int:
+def attended_from(
+    trajectory: Trajectory, start: int, stop: int, entities: Sequence[int], known: Collection[int]
+) -> int:
     """Return the frame from which on a part of a demonstration is about some entities.
 
-    Another entity that is moved and comes to rest before any of them moves was another matter: what is done until then
-    is not done for them. As with `first_displacements`, changes below a tenth of the largest do not count.
+    An unknown entity that is moved and comes to rest before any of them moves was another matter: what is done until
+    then is not done for them. As with `first_displacements`, changes below a tenth of the largest do not count.
 
     Args:
         trajectory: the demonstration.
         start: first frame of the part.
         stop: frame after the last one.
-        entities: indices; none: the whole part is about them.
+        entities: indices.
+        known: entities that have been dealt with so far, and these.
     """
-    if not entities:
-        return start
     moved = _moved_from(trajectory, start, stop)
     own = moved[list(entities)].any(axis=0)
     free = int(own.argmax()) if own.any() else stop - start
     rests = _last_moved(trajectory, start, stop)
-    others = [e for e in range(len(moved)) if e not in entities and moved[e].any() and rests[e] < free]
+    others = [e for e in range(len(moved)) if e not in known and moved[e].any() and rests[e] < free]
     return start + max((int(rests[e]) + 1 for e in others), default=0)
 
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from time import perf_counter, process_time
 
 import numpy as np
-from roboscribe.envs.gym_adapter import make_env, state_of
 
 from roboscribe.envs import multi_block_demonstrator, single_block_demonstrator
+from roboscribe.envs.tasks.gym import make_env, state_of
 from roboscribe.envs.tasks.pick_place import PickPlace
 
 ROWS = 64
@@ -74,7 +74,7 @@ def ours(blocks: int, timing: str) -> Turn:
 
 def theirs(episodes: int = 8) -> Turn:
     """Prepare one environment in a Python loop; each call runs some episodes."""
-    env = make_env(STEPS + 1)
+    env = make_env("FetchPickAndPlace-v4", STEPS + 1)
 
     def turn() -> tuple[float, float]:
         rng, watch = np.random.default_rng(0), Watch()

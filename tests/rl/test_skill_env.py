@@ -147,7 +147,7 @@ def test_evaluation_visits_every_start_once_whatever_the_batch() -> None:
 
 
 def test_starts_of_the_first_skill_are_the_initial_states() -> None:
-    prefix = Prefix(PROGRAM, 0, {}, {})
+    prefix = Prefix(PROGRAM, (0,), {}, {})
     found, steps = collect_starts(prefix, TASK, 6, np.arange(20), np.random.default_rng(0), batch=4)
     assert steps == 0
     assert len(found) == 6
@@ -155,7 +155,7 @@ def test_starts_of_the_first_skill_are_the_initial_states() -> None:
 
 
 def test_starts_of_the_second_skill_are_where_the_first_has_arrived() -> None:
-    prefix = Prefix(PROGRAM, 1, {"hold": Direct(carry=False)}, {})
+    prefix = Prefix(PROGRAM, (1,), {"hold": Direct(carry=False)}, {})
     found, steps = collect_starts(prefix, TASK, 8, np.arange(20), np.random.default_rng(0), batch=4)
     assert len(found) == 8
     assert steps >= found.elapsed.sum()
@@ -172,7 +172,7 @@ def test_a_prefix_that_never_arrives_gives_an_empty_pool() -> None:
 
     starts = TASK.world(40).reset(np.arange(40), np.arange(40))
     far = np.flatnonzero(np.linalg.norm(starts[:, :2] - starts[:, 2:4], axis=1) > 0.04)[:5]
-    found, _ = collect_starts(Prefix(PROGRAM, 1, {"hold": Idle()}, {}), TASK, 4, far, np.random.default_rng(0))
+    found, _ = collect_starts(Prefix(PROGRAM, (1,), {"hold": Idle()}, {}), TASK, 4, far, np.random.default_rng(0))
     assert len(found) == 0
     assert found.entities.shape == (0, 1)
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roboscribe.world.layout import ROBOT, Attribute, Layout, ObjectType
-from roboscribe.world.naming import by_binding, by_displacement, first_displacements
+from roboscribe.world.naming import attended_from, by_binding, by_displacement, first_displacements
 from roboscribe.world.trajectory import Trajectory
 
 POSITION = Attribute("position", ("x", "y"))
@@ -73,3 +73,17 @@ def test_names_do_not_depend_on_indices(blocks: list[int], knobs: list[int], ste
     plain = episode({(i, "position"): (3 * steps[i] + 1, 0.5) for i in range(5)})
     mixed = plain.renamed(tuple(order))
     assert np.array_equal(plain.renamed(by_displacement(plain)).states, mixed.renamed(by_displacement(mixed)).states)
+
+
+def test_what_is_done_for_unknown_entities_first_is_another_matter() -> None:
+    """b1 is moved on frames 2 to 5, b2 on frames 8 to 11: a part about b2 begins where b1 lies still."""
+    place = Attribute("position", ("x", "y"))
+    kind = ObjectType("block", (place,), (place,))
+    layout = Layout(ObjectType("EE", (place,)), (kind, kind))
+    states = np.zeros((14, layout.size))
+    states[:, layout.columns[0, "position", False]] = np.clip((np.arange(14) - 1) / 4, 0, 1)[:, None]
+    states[:, layout.columns[1, "position", False]] = np.clip((np.arange(14) - 7) / 4, 0, 1)[:, None]
+    shown = Trajectory(layout, states)
+    assert attended_from(shown, 0, 14, (1,), {1}) == 5
+    assert attended_from(shown, 0, 14, (1,), {0, 1}) == 0
+    assert attended_from(shown, 0, 14, (0,), {0}) == 0

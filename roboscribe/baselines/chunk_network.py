@@ -1,0 +1,72 @@
+"""Chunks of actions: a small transformer over the tokens that says what to do for the next control steps."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+
+from roboscribe.baselines.config import ChunkConfig
+from roboscribe.baselines.set_network import Tokenizer
+from roboscribe.world.layout import FloatArray, IntArray
+
+
+class ChunkActor(nn.Module):
+    """Self-attention between tokens, then one query per action of the chunk that looks at them.
+
+    Tokens carry no rank, so that their order does not matter.
+
+    Source: ACT, without its variational part and on states instead of pictures.
+    """
+
+    def __init__(self, tokenizer: Tokenizer, actions: int, config: ChunkConfig) -> None:
+        """Build the network for actions of `actions` numbers."""
+        super().__init__()
+        self.tokenizer = tokenizer
+        self.embed = nn.Linear(tokenizer.spec.size, config.units)
+        width, heads, hidden = config.units, config.heads, 2 * config.units
+        layer = nn.TransformerEncoderLayer(width, heads, hidden, dropout=0.0, batch_first=True, norm_first=True)
+        self.encoder = nn.TransformerEncoder(layer, config.layers, enable_nested_tensor=False)
+        self.decoder = nn.TransformerDecoderLayer(width, heads, hidden, 0.0, batch_first=True, norm_first=True)
+        self.queries = nn.Parameter(torch.randn(config.actions, config.units) / config.units**0.5)
+        self.norm = nn.LayerNorm(config.units)
+        self.head = nn.Linear(config.units, actions)
+
+    def forward(self, states: torch.Tensor) -> torch.Tensor:
+        """Return chunks (B, C, A) of actions in (-1, 1) for states (B, F)."""
+        tokens = self.encoder(self.embed(self.tokenizer(states)))
+        queries = self.queries.expand(len(states), *self.queries.shape)
+        return torch.tanh(self.head(self.norm(self.decoder(queries, tokens))))
+
+
+class Ensemble:
+    """What was predicted for the present by the chunks of the last steps, averaged (temporal ensembling).
+
+    The oldest prediction weighs 1, the next exp(-decay), and so on.
+    """
+
+    def __init__(self, batch: int, decay: float) -> None:
+        """Remember nothing yet of `batch` rows."""
+        self._decay = decay
+        self._steps = np.zeros(batch, np.int64)
+        self._chunks: FloatArray = np.zeros((batch, 0, 0, 0))
+
+    def forget(self, rows: IntArray) -> None:
+        """Begin anew in some rows."""
+        self._steps[rows] = 0
+
+    def add(self, rows: IntArray, chunks: FloatArray) -> FloatArray:
+        """Take the chunks (R, C, A) predicted now for `rows`; return the actions (R, A) to take."""
+        if not self._chunks.size:
+            self._chunks = np.zeros((len(self._steps), chunks.shape[1], *chunks.shape[1:]))
+        size = chunks.shape[1]
+        steps = self._steps[rows]
+        self._chunks[rows, steps % size] = chunks
+        ages = np.arange(size)  # steps since a prediction was made, which is also its place in its chunk
+        made = (steps[:, None] - ages) % size
+        predicted = self._chunks[rows[:, None], made, ages]
+        oldest = np.minimum(steps, size - 1)[:, None]
+        weights = np.where(ages <= oldest, np.exp(-self._decay * (oldest - ages)), 0.0)
+        self._steps[rows] += 1
+        actions: FloatArray = np.einsum("rc,rca->ra", weights / weights.sum(1, keepdims=True), predicted)
+        return actions

@@ -1,0 +1,143 @@
+"""One token per entity: what every baseline sees of a state.
+
+A token holds the robot's attributes, the entity's own, its goal's, and its type. A spec names attributes, not columns,
+so it outlives the layout it was built on: the same weights take any number of entities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from roboscribe.errors import ArtifactError
+from roboscribe.world.layout import ROBOT, FloatArray, IntArray, Layout, ObjectType
+
+ABSENT = -1
+"""Column of an attribute that a type lacks."""
+WIDEST = 1000
+"""Most numbers of an attribute that is read from a file."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """An attribute as a token holds it: its name, how many numbers it has, whether it is the goal's."""
+
+    name: str
+    width: int
+    goal: bool = False
+
+
+def fields_of(kind: ObjectType) -> tuple[Field, ...]:
+    """List a type's attributes and its goal's."""
+    return tuple(Field(a.name, a.width, goal) for goal in (False, True) for a in kind.described(goal))
+
+
+@dataclass(frozen=True)
+class TokenSpec:
+    """What a token holds, in order.
+
+    Args:
+        robot: the robot's attributes.
+        entity: attributes that any type of entity has.
+        types: types that are told apart.
+    """
+
+    robot: tuple[Field, ...]
+    entity: tuple[Field, ...]
+    types: tuple[str, ...]
+
+    @staticmethod
+    def of(layout: Layout) -> TokenSpec:
+        """Take all attributes of a layout."""
+        entity = dict.fromkeys(field for kind in layout.types.values() for field in fields_of(kind))
+        return TokenSpec(fields_of(layout.robot), tuple(entity), tuple(layout.types))
+
+    @property
+    def width(self) -> int:
+        """Numbers of a token that are attributes."""
+        return sum(field.width for field in (*self.robot, *self.entity))
+
+    @property
+    def size(self) -> int:
+        """All numbers of a token: attributes, and one for each type."""
+        return self.width + len(self.types)
+
+    def columns(self, layout: Layout) -> IntArray:
+        """Find the column of every attribute in a layout's states, (N, width); `ABSENT` where a type lacks it.
+
+        Raises:
+            ArtifactError: the layout has a type, or an attribute, that the spec does not know.
+        """
+        self._check(layout)
+        rows = [
+            [*_found(layout, ROBOT, self.robot), *_found(layout, entity, self.entity)]
+            for entity in range(len(layout.entities))
+        ]
+        return np.array(rows, np.int64).reshape(len(rows), self.width)
+
+    def kinds(self, layout: Layout) -> FloatArray:
+        """Return each entity's type as a row with a single one, (N, types)."""
+        return np.array([[float(kind.name == name) for name in self.types] for kind in layout.entities])
+
+    def _check(self, layout: Layout) -> None:
+        if fields_of(layout.robot) != self.robot:
+            msg = f"the policy sees a robot with {_spell(self.robot)}, the task's has {_spell(fields_of(layout.robot))}"
+            raise ArtifactError(msg)
+        for kind in layout.types.values():
+            unknown = [field for field in fields_of(kind) if field not in self.entity]
+            if kind.name not in self.types or unknown:
+                known = f"types {', '.join(self.types)} with {_spell(self.entity)}"
+                msg = f"the policy knows {known}, the task has type {kind.name} with {_spell(fields_of(kind))}"
+                raise ArtifactError(msg)
+
+    def to_json(self) -> dict[str, object]:
+        """Return plain lists, numbers and strings."""
+        robot = [[field.name, field.width, field.goal] for field in self.robot]
+        entity = [[field.name, field.width, field.goal] for field in self.entity]
+        return {"robot": robot, "entity": entity, "types": list(self.types)}
+
+    @staticmethod
+    def from_json(data: object) -> TokenSpec:
+        """Read what `to_json` wrote.
+
+        Raises:
+            ArtifactError: an entry is missing or of another kind.
+        """
+        found = data if isinstance(data, Mapping) else {}
+        try:
+            robot, entity = (tuple(_field(row) for row in _list(found[name])) for name in ("robot", "entity"))
+            return TokenSpec(robot, entity, tuple(str(name) for name in _list(found["types"])))
+        except (KeyError, TypeError, ValueError) as error:
+            msg = f"token spec cannot be read: {error!r}; expected robot, entity and types"
+            raise ArtifactError(msg) from error
+
+
+def _found(layout: Layout, entity: int, fields: Sequence[Field]) -> list[int]:
+    """Return the columns of one object's attributes."""
+    own = fields_of(layout.type_of(entity))
+    columns: list[int] = []
+    for field in fields:
+        start = layout.columns[entity, field.name, field.goal].start if field in own else None
+        columns += [ABSENT] * field.width if start is None else range(start, start + field.width)
+    return columns
+
+
+def _spell(fields: Sequence[Field]) -> str:
+    return ", ".join(f"{'goal ' * field.goal}{field.name} ({field.width})" for field in fields) or "nothing"
+
+
+def _list(value: object) -> list[object]:
+    if not isinstance(value, list):
+        msg = f"expected a list, found {value!r}"
+        raise TypeError(msg)
+    return value
+
+
+def _field(row: object) -> Field:
+    name, width, goal = _list(row)
+    if not isinstance(name, str) or not isinstance(width, int) or not isinstance(goal, bool) or width > WIDEST:
+        msg = f"expected [name, width, goal], found {row!r}"
+        raise TypeError(msg)
+    return Field(name, width, goal)

@@ -1,0 +1,1 @@
+"""Any environment of the installed robosuite as a task."""

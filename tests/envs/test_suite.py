@@ -1,0 +1,113 @@
+"""Environments of robosuite as tasks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from roboscribe.envs.catalogue import make_task
+from roboscribe.envs.drawer import moves
+from roboscribe.envs.drawer.world import DrawerWorld
+from roboscribe.envs.suite.world import SuiteWorld
+from roboscribe.envs.tasks.robosuite import SuiteTask
+from roboscribe.errors import TaskError
+from roboscribe.search.features import enumerate_features
+from roboscribe.world.layout import ROBOT
+from roboscribe.world.task import Task
+
+NAMES = ("Lift", "Stack", "PickPlaceCan", "Door", "NutAssemblySquare", "PlaceCubesDrawer")
+ROW, PAIR = np.array([0]), np.array([0, 1])
+
+
+@pytest.fixture(params=NAMES)
+def task(request: pytest.FixtureRequest) -> Task:
+    return make_task(f"robosuite:{request.param}")
+
+
+def test_a_seed_decides_the_start_and_a_snapshot_the_rest(task: Task) -> None:
+    world, actions = task.world(2), np.random.default_rng(0).uniform(-1, 1, size=(4, 2, task.action_size))
+    states = world.reset(PAIR, np.array([3, 4]))
+    assert states.shape == (2, task.layout.size)
+    assert (states[0] != states[1]).any()
+    assert (task.world(1).reset(ROW, np.array([3]))[0] == states[0]).all()
+    assert not task.solved(states).any()
+    seen = [world.step(PAIR, action) for action in actions[:2]]
+    saved = world.save(PAIR)
+    rest = [world.step(PAIR, action) for action in actions[2:]]
+    other = task.world(2)
+    assert (other.load(PAIR[::-1], saved) == seen[-1]).all()
+    again = [other.step(PAIR[::-1], action) for action in actions[2:]]
+    assert (np.array(again) == np.array(rest)).all()
+    assert not world.diverged(PAIR).any()
+    assert world.control_steps == 8
+
+
+def test_no_predicate_speaks_of_success() -> None:
+    layout = make_task("robosuite:Stack").layout
+    assert (ROBOT, "solved", False) in layout.columns
+    assert not [f for f in enumerate_features(layout, layout.names) if "solved" in str(f.term)]
+
+
+def test_goals_are_the_environments_own() -> None:
+    lift, stack = make_task("robosuite:Lift"), make_task("robosuite:Stack")
+    assert not any(kind.goal for kind in lift.layout.entities)
+    state = stack.world(1).reset(ROW, ROW)[0]
+    goal, other = (state[stack.layout.columns[key]] for key in ((0, "position", True), (1, "position", False)))
+    assert np.allclose(goal - other, (0, 0, 0.045))
+    for name, place in (("PickPlaceCan", (0.198, 0.403, 0.8)), ("NutAssemblySquare", (0.23, 0.10, 0.85))):
+        there = make_task(f"robosuite:{name}")
+        row = there.world(1).reset(ROW, ROW)[0]
+        assert np.allclose(row[there.layout.columns[0, "position", True]], place, atol=0.01)
+
+
+@pytest.mark.parametrize(("name", "seed"), [("Lift", 1), ("Stack", 2)])
+def test_scripts_solve_lift_and_stack(name: str, seed: int) -> None:
+    task = make_task(f"robosuite:{name}")
+    found = task.demonstrate(2, seed)
+    assert all(task.solved(trajectory.states)[-1] for trajectory in found)
+
+
+def test_the_drawer_begins_as_the_batched_one_and_moves_alike() -> None:
+    task = make_task("robosuite:PlaceCubesDrawer")
+    ours, theirs = DrawerWorld(3, False, "fast", 1), task.world(1)
+    one, other = ours.reset(ROW, np.array([5])), theirs.reset(ROW, np.array([5]))
+    assert task.layout == make_task("place-cubes-drawer-3").layout
+    assert np.abs(one - other).max() < 2e-3
+    for _ in range(12):
+        action = moves.command(one)
+        one, other = ours.step(ROW, action), theirs.step(ROW, action)
+    assert np.linalg.norm(one[0, :3] - other[0, :3]) < 0.01
+
+
+def test_processes_give_the_same_as_one() -> None:
+    task = make_task("robosuite:Lift")
+    assert isinstance(task, SuiteTask)
+    alone, shared = SuiteWorld(task.request, 3, 1), SuiteWorld(task.request, 3, 2)
+    rows, actions = np.arange(3), np.random.default_rng(1).uniform(-1, 1, size=(3, 4))
+    assert (alone.reset(rows, rows) == shared.reset(rows, rows)).all()
+    assert (alone.step(rows, actions) == shared.step(rows, actions)).all()
+
+
+def test_other_robots_and_controllers() -> None:
+    task = make_task("robosuite:Lift,robot=Sawyer,controller=OSC_POSE")
+    assert task.action_size == 7
+    assert (ROBOT, "rotation", False) in task.layout.columns
+    with pytest.raises(TaskError, match="brings no demonstrator"):
+        task.demonstrate(1, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("Lifts", "no environment 'Lifts': did you mean Lift"),
+        ("TwoArmLift", "has two arms"),
+        ("Wipe", "outside the simulator's state"),
+        ("PickPlaceSingle", "changes from episode to episode"),
+        ("Lift,robot=Baxter", "no robot with one arm 'Baxter'"),
+        ("Lift,controller=JOINT_VELOCITY", "controller 'JOINT_VELOCITY', expected one of HELD"),
+        ("Lift,speed=2", "option 'speed=2', expected robot=NAME"),
+    ],
+)
+def test_what_cannot_be_a_task_is_said(name: str, said: str) -> None:
+    with pytest.raises(TaskError, match=said):
+        make_task(f"robosuite:{name}")
