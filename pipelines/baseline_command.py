@@ -66,7 +66,7 @@ def baseline(
 
 def _tell(result: dict[str, Json]) -> None:
     """Say what was found."""
-    from pipelines.programs import spell_success
+    from roboscribe.evaluation import spell_success
 
     lines = [f"success {spell_success(result)} of {result['episodes']} episodes, 95 % interval"]
     if result["hopeless"]:

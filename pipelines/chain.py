@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import re
 import shlex
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.errors import DemonstrationError, Fail
-from roboscribe.rl.config import TrainConfig
-from roboscribe.synthesize import Limits, Solution, roboscribe
+from roboscribe.grounding import settled_profile
+from roboscribe.programs import program_name
+from roboscribe.rl.config import Profile, TrainConfig
 from stages import collect, evaluate, film, ingest, package
 from stages.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
 from stages.files import EPISODES, OUTCOME, read_fail, read_json
 from stages.steps import Call, Library, Put, Setting, Staged
 from stages.world import DEMONSTRATIONS, TaskConfig
-
-SCRIPTED = "scripted"
-"""Profile in which lookahead controllers stand in for learned ones; point tasks only."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +26,8 @@ class Plan:
     Args:
         task: where.
         seed: decides everything.
-        profile: what may be learned from; None is `actions` where the demonstrations have them, else `states`.
+        profile: what may be learned from, or `scripted` for the task's own controllers; None is `actions` where the
+            demonstrations have them, else `states`.
         demonstrations: a Parquet file; None collects some.
         shown: demonstrations to collect.
         tried: episodes per rollout of Algorithm 2.
@@ -40,7 +39,7 @@ class Plan:
 
     task: TaskConfig
     seed: int = 0
-    profile: str | None = None
+    profile: Profile | None = None
     demonstrations: Path | None = None
     shown: int = 50
     tried: int = 100
@@ -80,7 +79,7 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
     if isinstance(report, Fail):
         tell(Failed(report.reason))
         return report
-    profile = _profile(plan, report)
+    profile = settled_profile(plan.profile, report["actions"], plan.demonstrations or DEMONSTRATIONS)
     tell(Ingested(report, profile))
     setting = _setting(plan, profile, shown)
     staged = Staged(setting, call, put, tell)
@@ -128,12 +127,6 @@ def command(plan: Plan, profile: str | None) -> str:
     return shlex.join(words)
 
 
-def program_name(task: str) -> str:
-    """Name a program after its task: "pick-place-1" gives "PickPlace1"."""
-    words = re.findall(r"[^\W_]+", task)
-    return "".join(word[:1].upper() + word[1:] for word in words) or "P"
-
-
 def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
     """Return the file of usable demonstrations and what is said about it."""
     given = plan.demonstrations
@@ -148,21 +141,7 @@ def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]
     return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
 
 
-def _profile(plan: Plan, report: dict[str, Any]) -> str:
-    """Settle how to learn.
-
-    Raises:
-        DemonstrationError: profile `actions` is asked for and the demonstrations have none.
-    """
-    if plan.profile == "actions" and not report["actions"]:
-        msg = f"{plan.demonstrations}: found no actions, expected them for profile actions; use profile states"
-        raise DemonstrationError(msg)
-    return plan.profile or ("actions" if report["actions"] else "states")
-
-
-def _setting(plan: Plan, profile: str, shown: Path) -> Setting:
+def _setting(plan: Plan, profile: Profile, shown: Path) -> Setting:
     """Say what all steps share."""
-    scripted = profile == SCRIPTED
-    training = plan.training if scripted else replace(plan.training, profile=profile)  # type: ignore[arg-type]
-    name = program_name(plan.task.name)
-    return Setting(plan.task, plan.seed, name, training, scripted, plan.tried, shown)
+    training = replace(plan.training, profile=profile)
+    return Setting(plan.task, plan.seed, program_name(plan.task.name), training, plan.tried, shown)

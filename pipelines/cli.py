@@ -21,6 +21,7 @@ from pipelines import baseline_command, looking
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from pipelines.paper.commands import paper
 from roboscribe.errors import RoboScribeError
+from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
@@ -39,15 +40,6 @@ app = typer.Typer(
 )
 app.add_typer(paper, name="paper")
 console = Console(highlight=False)
-
-
-class Profile(StrEnum):
-    """What may be learned from."""
-
-    actions = "actions"
-    states = "states"
-    paper = "paper"
-    scripted = "scripted"
 
 
 class Engine(StrEnum):
@@ -125,20 +117,19 @@ def synthesize(
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
     from pipelines.chain import Plan
     from pipelines.home import Home
-    from pipelines.programs import spell_success
     from pipelines.session import Session
     from pipelines.story import Story
     from roboscribe.errors import Fail
+    from roboscribe.evaluation import spell_success
     from roboscribe.rl.config import TrainConfig
     from roboscribe.steps import Limits
     from stages.world import TaskConfig
 
     settings = TrainConfig() if budget is None else TrainConfig(budget=budget)
-    chosen = None if profile is None else profile.value
     where = TaskConfig(task, contact, timing)
     where.make()
     limits = Limits(success=success)
-    plan = Plan(where, seed, chosen, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
+    plan = Plan(where, seed, profile, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
     _make_room(*(path for path in (out, json) if path is not None))
     with Story(console) as story:
         session = Session(plan, Home(home), "local" if engine is Engine.local else "prefect", out)
@@ -192,7 +183,8 @@ def evaluate(
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
     from pipelines.home import Home
-    from pipelines.programs import evaluation, open_program, program_directory, spell_success
+    from pipelines.programs import evaluation, open_program, program_directory
+    from roboscribe.evaluation import spell_success
     from stages.evaluate import Config
 
     with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
@@ -252,7 +244,8 @@ def programs() -> None:
     """List the shipped programs; success as measured when they were made, with its 95 % Wilson interval."""
     from rich.table import Table
 
-    from pipelines.programs import shipped_programs, spell_success
+    from roboscribe.evaluation import spell_success
+    from roboscribe.programs import shipped_programs
 
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("program", "task", "seed", "profile", "success", "size"):

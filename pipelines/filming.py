@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from roboscribe.errors import TaskError
-from stages.evaluate import PURPOSE
+from roboscribe.evaluation import PURPOSE, episode_seeds, waves
+from roboscribe.runnable import Runnable
+from roboscribe.subtask_tree import ROOT
 from stages.film import Shooting, film, takes
-from stages.grounded import Grounded, waves
-from stages.progress import Report, silent
-from stages.world import TaskConfig, episode_seeds
+from stages.progress import Report, episode_watch, silent
+from stages.world import TaskConfig
 
 MOST_CELLS = 6
 """Most episodes beside or below each other."""
@@ -35,7 +36,7 @@ def grid(spelled: str) -> tuple[int, int]:
 
 
 def failing_episodes(
-    program: Grounded, where: TaskConfig, seed: int, wanted: int, first: int = 0, report: Report = silent
+    program: Runnable, where: TaskConfig, seed: int, wanted: int, first: int = 0, report: Report = silent
 ) -> list[int]:
     """Find failing episodes of a seed's evaluation; fewer than wanted where there are not so many.
 
@@ -51,7 +52,8 @@ def failing_episodes(
     found: list[int] = []
     done, few = first, max(AT_ONCE, 2 * wanted)
     while len(found) < wanted and done < len(seeds):
-        for rollouts in waves(program, task, seeds[done : done + few], report=report):
+        wave = seeds[done : done + few]
+        for rollouts in waves(program, task, wave, watch=episode_watch(f"roll out {ROOT}", len(wave), report)):
             found += [done + rank for rank, won in enumerate(rollouts.success) if not won]
             done += len(rollouts.success)
         few *= 2
@@ -59,7 +61,7 @@ def failing_episodes(
 
 
 def shoot(
-    program: Grounded, where: TaskConfig, seed: int, episodes: Sequence[int], out: Path, how: Shooting
+    program: Runnable, where: TaskConfig, seed: int, episodes: Sequence[int], out: Path, how: Shooting
 ) -> tuple[Path, list[int]]:
     """Film episodes of a seed's evaluation.
 

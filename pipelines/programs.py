@@ -4,66 +4,24 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 from roboscribe.errors import ArtifactError
-from roboscribe.io import saved_program
+from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
-from roboscribe.io.saved_program import MANIFEST, load_program
+from roboscribe.io.saved_program import load_program
+from roboscribe.programs import find_program
+from roboscribe.runnable import Runnable
+from roboscribe.saved import open_saved
+from roboscribe.subtask_tree import ROOT
 from stages import evaluate
-from stages.grounded import Grounded, failures
-from stages.progress import Report, silent
-from stages.saved import open_saved
+from stages.progress import Report, episode_watch, silent
 from stages.world import TaskConfig
 
-TRAINED = Path(saved_program.__file__).resolve().parent.parent / "trained"
-"""Where the programs lie that are shipped with the package, each in a directory of its task's name."""
 _RUN_ID = re.compile(r"[0-9a-f]{32}")
-
-
-def shipped_names() -> tuple[str, ...]:
-    """List the shipped programs."""
-    return tuple(sorted(path.parent.name for path in TRAINED.glob(f"*/{MANIFEST}")))
-
-
-@dataclass(frozen=True)
-class Shipped:
-    """What is known about a shipped program.
-
-    Args:
-        name: by which commands find it.
-        manifest: what its manifest says about the run.
-        size: bytes of its files.
-    """
-
-    name: str
-    manifest: Mapping[str, Any]
-    size: int
-
-
-def shipped_programs() -> tuple[Shipped, ...]:
-    """Read what the shipped programs say about themselves.
-
-    Raises:
-        ArtifactError: the files of one are damaged.
-    """
-    return tuple(_shipped(name) for name in shipped_names())
-
-
-def _shipped(name: str) -> Shipped:
-    directory = TRAINED / name
-    return Shipped(name, load_program(directory).manifest, sum(path.stat().st_size for path in directory.iterdir()))
-
-
-def spell_success(figures: Mapping[str, Any]) -> str:
-    """Spell a success rate with its interval, in per cent."""
-    success, low, high = (100 * float(figures[name]) for name in ("success", "ci_low", "ci_high"))
-    return f"{success:.1f} % ({low:.1f} to {high:.1f})"
 
 
 @contextmanager
@@ -77,17 +35,11 @@ def program_directory(name: str, mlruns: Path) -> Iterator[Path]:
     Raises:
         ArtifactError: it is none of them.
     """
-    if Path(name).exists():
-        yield Path(name)
-    elif _RUN_ID.fullmatch(name):
+    if _RUN_ID.fullmatch(name) and not Path(name).exists():
         with _tracked(name, mlruns) as found:
             yield found
-    elif name in shipped_names():
-        yield TRAINED / name
     else:
-        shipped = f"a shipped program ({', '.join(shipped_names()) or 'there are none'})"
-        msg = f"program {name}: does not exist; expected a program's directory, an MLflow run id or {shipped}"
-        raise ArtifactError(msg)
+        yield find_program(name, "an MLflow run id")
 
 
 @contextmanager
@@ -113,7 +65,7 @@ def _tracked(run_id: str, mlruns: Path) -> Iterator[Path]:
         yield found
 
 
-def open_program(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Grounded, TaskConfig]:
+def open_program(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
     """Load a program and check that it can run on a task.
 
     Args:
@@ -135,12 +87,14 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
     return open_saved(saved, where.make(), str(directory)), where
 
 
-def evaluation(program: Grounded, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
+def evaluation(program: Runnable, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
     start = perf_counter()
-    figures, table = evaluate.measure(program, config.task.make(), config.seed, config.episodes, report)
+    watch = episode_watch(f"roll out {ROOT}", config.episodes, report)
+    found = measure(program, config.task.make(), config.seed, config.episodes, watch)
+    figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)
-    failing: Json = [episode for episode, *_ in failures(table)]
+    failing: Json = [episode for episode, *_ in failures(found.table)]
     steps = figures["control_steps"]
     return {"task": config.task.name, **shown, "failing": failing, "env_steps": steps, "wall_seconds": seconds}

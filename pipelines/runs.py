@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from pipelines.home import Home
-from pipelines.programs import program_directory, shipped_names
+from pipelines.programs import program_directory
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
+from roboscribe.programs import shipped_names
 from stages.chronicle import CHRONICLE, Account, read_chronicle
 from stages.events import Packaged
 from stages.journal import read_records

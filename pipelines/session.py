@@ -10,13 +10,15 @@ from time import perf_counter
 from typing import Literal, TypeAlias, assert_never
 
 from pipelines.audience import Audience
-from pipelines.chain import Plan, Synthesized, chain, command, program_name
+from pipelines.chain import Plan, Synthesized, chain, command
 from pipelines.checkout import checkout_commit
 from pipelines.home import Home
 from pipelines.prefect_settings import quiet_prefect
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
+from roboscribe.programs import program_name
+from roboscribe.tree_json import tree_to_json
 from stages.chronicle import CHRONICLE, Chronicle
 from stages.code_version import code_version
 from stages.events import (
@@ -38,7 +40,6 @@ from stages.progress import Progress
 from stages.settings import encode
 from stages.store import AnyStage, Inputs, Store, locked
 from stages.tracking import Tracker
-from stages.values import tree_to_json
 
 FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_steps", "refinements")
 """Figures of the result that are tracked."""

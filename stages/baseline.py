@@ -12,19 +12,20 @@ from roboscribe.baselines.config import RECIPES, BaselineConfig, Method, usual_s
 from roboscribe.baselines.course import Course
 from roboscribe.baselines.off_policy import learn_off_policy
 from roboscribe.baselines.policy import Policy, as_program, name_of, to_parts
+from roboscribe.controllers import plain
+from roboscribe.evaluation import episode_seeds, waves
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
+from roboscribe.runnable import Runnable
+from roboscribe.saved import BASELINE, KIND
 from roboscribe.world import Task, Trajectory
 from stages import alone
 from stages.files import OUTCOME, program_bytes, write_json
-from stages.grounded import Grounded, waves
 from stages.journal import Journal, read_records
 from stages.package import DIRECTORY
 from stages.progress import Progress, Report, silent
-from stages.saved import BASELINE, KIND
-from stages.skills import plain
 from stages.store import METRICS, PROGRESS, Inputs, Stage
-from stages.world import TaskConfig, episode_seeds, load_demonstrations
+from stages.world import TaskConfig, load_demonstrations
 
 CHECKPOINT = "checkpoint.safetensors"
 
@@ -125,7 +126,7 @@ class _Judge:
     episodes: int
 
     def __call__(self, policy: Policy) -> float:
-        program = Grounded(as_program(self.method), {name_of(self.method): policy}, {})
+        program = Runnable(as_program(self.method), {name_of(self.method): policy}, {})
         seeds = episode_seeds(self.seed, "evaluate on the way", self.episodes)
         return sum(int(done.success.sum()) for done in waves(program, self.task, seeds)) / self.episodes
 

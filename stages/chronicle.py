@@ -15,9 +15,11 @@ from typing import Any, assert_never
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.printer import pretty
 from roboscribe.errors import ArtifactError, RoboScribeError
+from roboscribe.evaluation import failures
 from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, TREE
 from roboscribe.strips import Strip, Strips
+from roboscribe.tree_json import tree_from_json, tree_to_json
 from stages.events import (
     Abandoned,
     Evaluated,
@@ -33,9 +35,8 @@ from stages.events import (
     Trained,
 )
 from stages.files import read_json
-from stages.grounded import failures
 from stages.journal import Journal, Record, read_records
-from stages.values import refinement_from_json, refinement_to_json, tree_from_json, tree_to_json
+from stages.values import refinement_from_json, refinement_to_json
 
 CHRONICLE = "chronicle.jsonl"
 BEGAN, ENDED = "began", "ended"

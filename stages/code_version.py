@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -61,7 +62,7 @@ def _source(name: str) -> Path | None:
 def _imports(path: Path) -> tuple[str, ...]:
     """List what a file imports: modules, and names that may be modules, with the packages that contain them."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_bytes())):
+    for node in _executed(ast.parse(path.read_bytes())):
         match node:
             case ast.Import(names=names):
                 found.update(alias.name for alias in names)
@@ -70,3 +71,13 @@ def _imports(path: Path) -> tuple[str, ...]:
                 found.update(f"{module}.{alias.name}" for alias in names)
     parents = {name.rpartition(".")[0] for name in found} | {name.partition(".")[0] for name in found}
     return tuple(sorted(found | parents - {""}))
+
+
+def _executed(node: ast.AST) -> Iterator[ast.AST]:
+    """List the nodes of a source but for what only type checkers see."""
+    for child in ast.iter_child_nodes(node):
+        match child:
+            case ast.If(test=ast.Name(id="TYPE_CHECKING")):
+                continue
+        yield child
+        yield from _executed(child)

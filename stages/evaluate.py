@@ -6,19 +6,16 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from roboscribe.io.atomic import Json
-from roboscribe.steps import wilson
+from roboscribe.evaluation import measure
+from roboscribe.runnable import Runnable
+from roboscribe.subtask_tree import ROOT
 from roboscribe.world.task import Task
 from stages import alone
 from stages.files import EPISODES, OUTCOME, read_json, read_program, write_json
-from stages.grounded import Grounded, episode_table, summary, waves
-from stages.progress import Report, silent
+from stages.progress import Report, episode_watch, silent
 from stages.skills import read_library
 from stages.store import Inputs, Stage
-from stages.world import TaskConfig, episode_seeds
-
-PURPOSE = "evaluate"
-"""What the seeds of evaluation episodes are drawn for, see `episode_seeds`."""
+from stages.world import TaskConfig
 
 
 @dataclass(frozen=True)
@@ -38,28 +35,11 @@ class Config:
     confirm: int = 3
 
 
-def measure(
-    grounded: Grounded, task: Task, seed: int, episodes: int, report: Report = silent
-) -> tuple[dict[str, Json], dict[str, Json]]:
-    """Run a program on the evaluation episodes of a seed.
-
-    Returns:
-        Figures (success, its interval, counts) and the table of episodes.
-    """
-    seeds = episode_seeds(seed, PURPOSE, episodes)
-    done = list(waves(grounded, task, seeds, report=report))
-    counts = summary(done)
-    won = sum(int(rollouts.success.sum()) for rollouts in done)
-    low, high = wilson(won, episodes)
-    figures: dict[str, Json] = {**counts, "success": won / episodes, "ci_low": round(low, 6), "ci_high": round(high, 6)}
-    return figures, episode_table(done, seeds)
-
-
-def record(grounded: Grounded, task: Task, seed: int, episodes: int, out: Path, report: Report = silent) -> None:
-    """Run a program as `measure` does; write its figures as `outcome.json`, its episodes as `episodes.json`."""
-    figures, table = measure(grounded, task, seed, episodes, report)
-    write_json(out / EPISODES, table)
-    write_json(out / OUTCOME, figures)
+def record(program: Runnable, task: Task, seed: int, count: int, out: Path, report: Report = silent) -> None:
+    """Evaluate a program; write its figures as `outcome.json`, its episodes as `episodes.json`."""
+    evaluation = measure(program, task, seed, count, episode_watch(f"roll out {ROOT}", count, report))
+    write_json(out / EPISODES, evaluation.table)
+    write_json(out / OUTCOME, evaluation.figures)
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
@@ -71,8 +51,8 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     """
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
-    grounded = Grounded(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    record(grounded, task, config.seed, config.episodes, out, report)
+    program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    record(program, task, config.seed, config.episodes, out, report)
 
 
 STAGE = Stage("evaluate", Config, run)

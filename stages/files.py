@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.dsl.parser import parse_program
-from roboscribe.dsl.printer import pretty
+from roboscribe.dsl.printer import program_text
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
@@ -45,7 +45,7 @@ def read_fail(out: Path) -> Fail | None:
 
 def program_bytes(program: Program) -> bytes:
     """Spell a program as its readers see it; what prints is what runs."""
-    return pretty(program).rstrip().encode() + b"\n"
+    return program_text(program).encode()
 
 
 def read_program(path: Path) -> Program:

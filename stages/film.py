@@ -13,17 +13,17 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.replay import replay
 from roboscribe.envs.panel import Take
 from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
+from roboscribe.evaluation import PURPOSE, episode_seeds
+from roboscribe.runnable import Runnable
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Painter, Task, World
 from stages import alone
-from stages.evaluate import PURPOSE
 from stages.files import read_json, read_program
-from stages.grounded import Grounded
 from stages.progress import Report, silent
-from stages.skills import as_controllers, read_library
+from stages.skills import read_library
 from stages.store import Inputs, Stage
-from stages.world import TaskConfig, episode_seeds
+from stages.world import TaskConfig
 
 VIDEO = "rollout.mp4"
 
@@ -44,7 +44,7 @@ class Config:
 
 
 def takes(
-    program: Grounded, task: Task, episodes: Sequence[int], seeds: Sequence[int] | IntArray, goal: str = ROOT
+    program: Runnable, task: Task, episodes: Sequence[int], seeds: Sequence[int] | IntArray, goal: str = ROOT
 ) -> list[Take]:
     """Run episodes and keep what a film of them needs.
 
@@ -56,7 +56,7 @@ def takes(
         goal: what the program is to reach.
     """
     recording = _Recording(task)
-    library, limits, confirm = as_controllers(program.library), program.limits, program.confirm
+    library, limits, confirm = program.library, program.limits, program.confirm
     drawn = np.asarray(seeds, dtype=np.int64)
     rollouts = execute(
         program.program, library, recording, drawn, limits=limits, batch=1, until_end=goal != ROOT, confirm=confirm
@@ -94,7 +94,7 @@ class Shooting:
     size: tuple[int, int] = SIZE
 
 
-def film(program: Grounded, task: Task, shown: Sequence[Take], out: Path, how: Shooting | None = None) -> Path:
+def film(program: Runnable, task: Task, shown: Sequence[Take], out: Path, how: Shooting | None = None) -> Path:
     """Write a video of one episode, or of several in a grid.
 
     Returns:
@@ -121,7 +121,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     """
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
-    program = Grounded(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
     shown = takes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
     film(program, task, shown, out / VIDEO)
 

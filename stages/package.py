@@ -6,15 +6,15 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from roboscribe.dsl.rewrite import controllers
 from roboscribe.io.atomic import Json
-from roboscribe.io.saved_program import SavedProgram, save_program
+from roboscribe.io.saved_program import save_program
+from roboscribe.programs import saved_form
 from stages import alone
 from stages.files import read_json, read_program
 from stages.progress import Report, silent
-from stages.skills import read_library, to_parts
+from stages.skills import read_library
 from stages.store import Inputs, Stage
-from stages.values import read_tree, tree_to_json
+from stages.values import read_tree
 from stages.world import TaskConfig
 
 DIRECTORY = "program"
@@ -51,8 +51,6 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     """
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
-    used = {run.controller for run in controllers(read_program(inputs["program"]))}
-    descriptions, weights = to_parts({name: skill for name, skill in library.items() if name in used})
     manifest: dict[str, Json] = {
         "task": config.task.name,
         "contact": config.task.contact,
@@ -65,8 +63,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         "command": config.command,
         "figures": read_json(inputs["outcome"]),
     }
-    tree = tree_to_json(read_tree(inputs["tree"]))
-    saved = SavedProgram(inputs["program"].read_text(), tree, weights, descriptions, manifest)
+    saved = saved_form(read_program(inputs["program"]), read_tree(inputs["tree"]), library, manifest)
     save_program(out / DIRECTORY, saved)
 
 

@@ -33,3 +33,13 @@ Report: TypeAlias = Callable[[Progress], None]
 
 def silent(progress: Progress) -> None:
     """Tell nobody."""
+
+
+def episode_watch(what: str, total: int, report: Report) -> Callable[[int, int], None]:
+    """Return what an evaluation tells, as messages of a stage."""
+
+    def watch(done: int, successes: int) -> None:
+        metrics = {"success": successes / done} if done else {}
+        report(Progress(what, done, total, "episodes", metrics))
+
+    return watch

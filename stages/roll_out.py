@@ -8,17 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from roboscribe.abstraction_refinement import Outcome
+from roboscribe.evaluation import episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
+from roboscribe.runnable import Runnable
 from roboscribe.subtask_tree import ROOT
-from roboscribe.synthesize import Outcome
 from stages import alone
 from stages.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
-from stages.grounded import Grounded, episode_table, summary, waves
-from stages.progress import Report, silent
+from stages.progress import Report, episode_watch, silent
 from stages.skills import read_library
 from stages.store import Inputs, Stage
 from stages.values import failures_bytes
-from stages.world import TaskConfig, episode_seeds
+from stages.world import TaskConfig
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,9 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     """
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
-    grounded = Grounded(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
     seeds = episode_seeds(config.seed, f"roll out {config.goal}", config.episodes)
-    done = list(waves(grounded, task, seeds, config.goal, report))
+    done = list(waves(program, task, seeds, config.goal, episode_watch(f"roll out {config.goal}", len(seeds), report)))
     failures = np.concatenate([Outcome.of(rollouts).failures for rollouts in done])
     write_file(out / FAILURES, failures_bytes(failures))
     write_json(out / EPISODES, episode_table(done, seeds))

@@ -1,4 +1,4 @@
-"""The pieces of Algorithm 2, each backed by a stage: the algorithm stands in `roboscribe.synthesize` alone."""
+"""The pieces of Algorithm 2, each backed by a stage; the algorithm itself stands in `abstraction_refinement` alone."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Protocol, TypeAlias, assert_never
 
 from roboscribe import steps as core
 from roboscribe.classifier import Refinement, alternative
-from roboscribe.dsl.rewrite import controllers, walk
-from roboscribe.dsl.syntax import Program, Run, While
+from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
+from roboscribe.grounding import CHECKED, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
-from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
 from roboscribe.steps import Decision, Outcome, Steps, explained
 from roboscribe.strips import Strips, strips
 from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.tree_json import tree_to_json
 from roboscribe.world.layout import FloatArray
 from stages import classify, generate, roll_out, skills, train, update_tree, validate
 from stages.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
@@ -35,11 +35,8 @@ from stages.files import (
     read_program,
 )
 from stages.store import METRICS, AnyStage, Inputs
-from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json, tree_to_json
+from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json
 from stages.world import TaskConfig, load_evidence
-
-CHECKED = 20
-"""Episodes after which a program that has become worse shows it: half of the successes lost are seen in 20."""
 
 
 class Call(Protocol):
@@ -62,7 +59,6 @@ class Setting:
         seed: decides everything.
         name: what the program is called.
         training: settings of the learners.
-        scripted: lookahead controllers instead of learned ones.
         episodes: episodes per rollout of Algorithm 2.
         demonstrations: a Parquet file.
     """
@@ -71,7 +67,6 @@ class Setting:
     seed: int
     name: str
     training: TrainConfig
-    scripted: bool
     episodes: int
     demonstrations: Path
 
@@ -141,16 +136,15 @@ class Staged:
             takes over in other states.
         """
         self.tell(Programmed(goal, program))
-        grounds = {run.controller: _ground(tree, program, run) for run in controllers(program)}
-        new = [name for name, ground in grounds.items() if library.grounds.get(name) != ground]
-        stale = tuple(name for name in new if name in library.grounds)
-        setting = self.setting
-        config = train.Config(setting.task, goal, setting.seed, setting.training, setting.scripted, stale, goal == ROOT)
+        now = grounds(tree, program)
+        afresh, setting = stale(now, library.grounds), self.setting
+        new = [name for name in now if name not in library.grounds or name in afresh]
+        config = train.Config(setting.task, goal, setting.seed, setting.training, afresh, goal == ROOT)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
-        label = f"train {', '.join(new)}" if new else f"improve {', '.join(grounds)} for {goal}"
+        label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
         self.tell(Trained(goal, tuple(read_json(out / train.REPORTS)), out / METRICS))
-        return Library(out, {**library.grounds, **grounds})
+        return Library(out, {**library.grounds, **now})
 
     def roll_out(self, program: Program, goal: str, library: Library) -> Outcome:
         """Exec(M, P)."""
@@ -218,9 +212,3 @@ class Staged:
     def json(self, name: str, value: Json) -> Path:
         """Return a JSON value as a file."""
         return self.put(name, indented_json(value).encode())
-
-
-def _ground(tree: Tree, program: Program, run: Run) -> Json:
-    """Describe what a controller follows on: its node's predecessors, and whether a loop repeats it."""
-    before: list[Json] = [node.name for node in tree.predecessors(run.controller)] if run.controller != OPAQUE else []
-    return [before, any(run in controllers(part) for part in walk(program) if isinstance(part, While))]

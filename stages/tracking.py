@@ -17,6 +17,7 @@ from typing import Any, assert_never
 
 from roboscribe.dsl.printer import text
 from roboscribe.io.atomic import Json, write_file
+from roboscribe.tree_json import tree_to_json
 from stages.events import (
     Abandoned,
     Evaluated,
@@ -36,7 +37,6 @@ from stages.journal import Journal, Record, read_records
 from stages.mlflow_store import JOURNAL, PARENT, run_id_of
 from stages.progress import Progress
 from stages.store import TIMING
-from stages.values import tree_to_json
 
 LOG = "tracking.log"
 IDENTITY = ("run", "kind", "key", "step")

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
+from roboscribe.saved import open_saved
 from stages import alone
 from stages.evaluate import record
 from stages.progress import Report, silent
-from stages.saved import open_saved
 from stages.store import Inputs, Stage
 from stages.world import TaskConfig
 

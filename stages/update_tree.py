@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from roboscribe.subtask_tree import update_tree
+from roboscribe.tree_json import tree_to_json
 from stages import alone
 from stages.files import TREE, write_json
 from stages.progress import Report, silent
 from stages.store import Inputs, Stage
-from stages.values import read_refinement, read_tree, tree_to_json
+from stages.values import read_refinement, read_tree
 
 
 @dataclass(frozen=True)

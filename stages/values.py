@@ -11,36 +11,17 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
+from roboscribe.abstraction_refinement import Outcome
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.printer import text
 from roboscribe.errors import ArtifactError, RoboScribeError
 from roboscribe.io.atomic import Json
 from roboscribe.search.candidates import Candidate
-from roboscribe.subtask_tree import Node, Place, Tree
-from roboscribe.synthesize import Outcome
+from roboscribe.subtask_tree import Place, Tree
+from roboscribe.tree_json import node_from_json, node_to_json, tree_from_json
 from roboscribe.world.layout import FloatArray
 from stages.files import FAILURES, OUTCOME, read_json
-
-
-def tree_to_json(tree: Tree) -> dict[str, Json]:
-    """Describe a tree; predicates are text."""
-    return {"nodes": [_node_to_json(node) for node in tree.nodes], "edges": [list(edge) for edge in tree.edges]}
-
-
-def tree_from_json(value: Any, where: str = "tree") -> Tree:  # noqa: ANN401 - whatever JSON is found
-    """Read what `tree_to_json` wrote.
-
-    Raises:
-        ArtifactError: it is something else.
-    """
-    try:
-        nodes = tuple(_node_from_json(node) for node in value["nodes"])
-        edges = tuple((str(phi), str(psi)) for phi, psi in value["edges"])
-    except (KeyError, TypeError, ValueError, RoboScribeError) as error:
-        msg = f"{where}: found no subtask tree ({error}), expected nodes and edges"
-        raise ArtifactError(msg) from error
-    return Tree(nodes, edges)
 
 
 def read_tree(path: Path) -> Tree:
@@ -52,7 +33,7 @@ def refinement_to_json(refinement: Refinement) -> dict[str, Json]:
     """Describe a refinement with its whole ranked table."""
     return {
         "psi": refinement.psi,
-        "node": _node_to_json(refinement.node),
+        "node": node_to_json(refinement.node),
         "positives": refinement.positives,
         "negatives": refinement.negatives,
         "place": asdict(refinement.place),
@@ -79,7 +60,7 @@ def refinement_from_json(value: Any, where: str = "refinement") -> Refinement:  
     try:
         return Refinement(
             psi=str(value["psi"]),
-            node=_node_from_json(value["node"]),
+            node=node_from_json(value["node"]),
             table=tuple(_candidate_from_json(row) for row in value["table"]),
             positives=int(value["positives"]),
             negatives=int(value["negatives"]),
@@ -114,22 +95,6 @@ def read_outcome(out: Path) -> Outcome:
     """Read what a rollout stage wrote."""
     value = read_json(out / OUTCOME)
     return Outcome(int(value["successes"]), int(value["episodes"]), read_failures(out / FAILURES))
-
-
-def _node_to_json(node: Node) -> dict[str, Json]:
-    return {
-        "name": node.name,
-        "predicate": text(node.predicate),
-        "circular": node.circular,
-        "scales": dict(node.scales),
-        "over": node.over,
-    }
-
-
-def _node_from_json(value: Mapping[str, Any]) -> Node:
-    scales = {str(term): float(scale) for term, scale in value["scales"].items()}
-    predicate, over = parse_predicate(value["predicate"]), str(value.get("over", ""))
-    return Node(str(value["name"]), predicate, bool(value["circular"]), scales, over)
 
 
 def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:

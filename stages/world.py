@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from zlib import crc32
-
-import numpy as np
 
 from roboscribe.envs.catalogue import make_task
 from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.demonstrations import Demonstrations, read_demonstrations
-from roboscribe.world.layout import IntArray
 from roboscribe.world.task import Task
 
 DEMONSTRATIONS = "demonstrations.parquet"
@@ -60,9 +56,3 @@ def _evidence(path: Path, _digest: str, config: TaskConfig) -> Evidence:
 def load_demonstrations(path: Path, config: TaskConfig) -> Demonstrations:
     """Read demonstrations as they are."""
     return read_demonstrations(path, config.make())
-
-
-def episode_seeds(seed: int, purpose: str, episodes: int) -> IntArray:
-    """Draw the episodes' seeds (E,), of their own for every purpose; more episodes begin with the same ones."""
-    rng = np.random.default_rng([seed, crc32(purpose.encode())])
-    return rng.integers(2**31, size=episodes, dtype=np.int64)

@@ -29,15 +29,34 @@ LAYERS = {
     "program_gen": TREE | {"loop_guard"},
     "steps": TREE | {"program_gen", "classifier"},
     "best_first": TREE | {"classifier", "steps"},
-    "synthesize": TREE | {"classifier", "steps", "best_first"},
+    "abstraction_refinement": TREE | {"classifier", "steps", "best_first"},
     "adapt": TREE | {"loop_guard"},
     "envs": LANGUAGE | {"reward"},
     "rl": LANGUAGE | {"reward"},
     "baselines": LANGUAGE | {"reward", "rl"},
     "io": LANGUAGE,
+    "controllers": LANGUAGE | {"reward", "subtask_tree", "rl", "io"},
+    "tree_json": LANGUAGE | {"subtask_tree", "io"},
+    "runnable": LANGUAGE | {"controllers", "io"},
+    "saved": LANGUAGE | {"runnable", "baselines", "io"},
+    "programs": LANGUAGE | {"subtask_tree", "controllers", "tree_json", "io"},
+    "evaluation": LANGUAGE | {"subtask_tree", "steps", "runnable", "io"},
+    "policy": LANGUAGE | {"evaluation", "programs", "runnable", "saved", "envs", "html", "io"},
+    "synthesis": TREE | {"classifier", "evaluation", "policy", "html", "io"},
+    "grounding": TREE | {"program_gen", "controllers", "rl", "io"},
+    "learning": TREE
+    | {"abstraction_refinement", "steps", "controllers", "grounding", "runnable", "evaluation", "programs", "policy"}
+    | {"synthesis", "rl", "io"},
+    "notebook": set(),
 }
 """What each part of `roboscribe` may import of the others."""
-CORE = set(LAYERS) - {"envs", "rl", "baselines", "io"}
+SURFACE = {"controllers", "tree_json", "runnable", "saved", "programs", "evaluation", "policy", "synthesis"} | {
+    "grounding",
+    "learning",
+    "notebook",
+}
+"""What a user of the library calls, and what it needs of everything below."""
+CORE = set(LAYERS) - SURFACE - {"envs", "rl", "baselines", "io"}
 """The algorithms: values in, values out."""
 EFFECTS = {"torch", "mujoco", "pyarrow", "mlflow", "prefect"}
 HEAVY = EFFECTS | {"sklearn", "scipy", "pandas", "matplotlib"}
@@ -89,7 +108,7 @@ def test_the_algorithms_have_no_effects(path: Path) -> None:
 
 def test_importing_the_algorithms_loads_numpy_alone() -> None:
     core = [dotted(path) for path in files("roboscribe") if part(path) in CORE]
-    assert "roboscribe.synthesize" in core
+    assert "roboscribe.abstraction_refinement" in core
     script = f"import sys, {', '.join(core)}; print(*{{name.partition('.')[0] for name in sys.modules}})"
     loaded = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
     heavy = set(loaded.stdout.split()) & HEAVY

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.best_first import TRIED
 from roboscribe.errors import Fail
 from roboscribe.steps import Abandoned, Refined
 from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.synthesize import Limits, Solution, roboscribe
 from tests.handmade import AT, HOLD, node
 from tests.story import Story, root
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol
+from typing import Protocol, cast
 
 from pipelines.audience import Audience
 from pipelines.baseline import BaselinePlan, BaselineSession
@@ -17,7 +17,7 @@ from pipelines.session import Session, Tally
 from roboscribe.baselines.config import RECIPES, method_named
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json, sha256_of
-from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.subtask_tree import ROOT
 from stages import baseline, collect, evaluate, transfer
 from stages.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
@@ -167,7 +167,7 @@ def planned(trial: Trial, given: Path | None = None) -> Plan:
     return Plan(
         trial.task,
         trial.seed,
-        trial.profile,
+        cast(Profile, trial.profile),  # names are checked where options are read
         given,
         trial.shown,
         episodes=trial.episodes,

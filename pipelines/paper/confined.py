@@ -18,10 +18,11 @@ from pipelines.paper.experiment import Desk, Done, Options, existing, failures_o
 from pipelines.paper.given import Given, given_program
 from pipelines.paper.methods import budget_of
 from pipelines.paper.running import run_cells
-from pipelines.programs import shipped_names, spell_success
 from roboscribe.errors import ArtifactError, Fail
+from roboscribe.evaluation import spell_success
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.saved_program import load_program
+from roboscribe.programs import shipped_names
 from stages import collect, transfer
 from stages.code_version import code_version
 from stages.experiment import Child

@@ -15,8 +15,8 @@ from pipelines.checkout import ROOT, checkout_commit
 from pipelines.home import Home
 from pipelines.paper.cells import Place, cell_of
 from pipelines.paper.running import Runner, run_cells
-from pipelines.programs import spell_success
 from roboscribe.errors import TaskError
+from roboscribe.evaluation import spell_success
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
 from stages.code_version import code_version
 from stages.experiment import Child, track_experiment

@@ -17,9 +17,9 @@ from pipelines.paper.experiment import Desk, Done, Options, failures_of, finish,
 from pipelines.paper.given import Given, given_program
 from pipelines.paper.methods import budget_of
 from pipelines.paper.running import run_cells
-from pipelines.programs import spell_success
 from roboscribe.envs.catalogue import CONTACTS
 from roboscribe.errors import ArtifactError
+from roboscribe.evaluation import spell_success
 from stages import transfer
 from stages.experiment import Child
 from stages.files import OUTCOME, read_json

@@ -24,7 +24,7 @@ from roboscribe.html.style import STYLE, run_colour
 from roboscribe.html.tables import figures_html, pairs_html
 from roboscribe.html.tree import tree_html
 from roboscribe.subtask_tree import Tree
-from stages.values import tree_from_json
+from roboscribe.tree_json import tree_from_json
 
 HERE = Path(__file__).resolve().parent
 

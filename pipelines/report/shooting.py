@@ -10,11 +10,11 @@ from pipelines.report.chapters import Attempt, Chapters
 from pipelines.report.films import FINAL, Film
 from pipelines.runs import Found
 from roboscribe.envs.render import SMALL
+from roboscribe.runnable import Runnable, runnable
 from roboscribe.subtask_tree import ROOT
 from stages.chronicle import Account
 from stages.files import read_json
 from stages.film import Shooting, film, takes
-from stages.grounded import Grounded, grounded
 from stages.settings import decode
 from stages.skills import DESCRIPTIONS, WEIGHTS, read_library
 from stages.train import LIMITS
@@ -36,7 +36,7 @@ class Scene:
     """
 
     place: int
-    program: Grounded
+    program: Runnable
     goal: str
     failing: tuple[tuple[int, ...], ...]
 
@@ -73,15 +73,15 @@ def _scenes(found: Found, story: Chapters, account: Account, where: TaskConfig) 
             if program is not None:
                 yield Scene(place, program, chapter.goal, chapter.failing)
     if story.failing and found.program is not None and not found.program.edited:
-        yield Scene(FINAL, grounded(found.program, where.make(), found.name), ROOT, story.failing)
+        yield Scene(FINAL, runnable(found.program, where.make(), found.name), ROOT, story.failing)
 
 
-def _attempted(attempt: Attempt, library: Path, where: TaskConfig, confirm: int) -> Grounded | None:
+def _attempted(attempt: Attempt, library: Path, where: TaskConfig, confirm: int) -> Runnable | None:
     """Make a program that was tried ready to run; None where its controllers are not here any more."""
     if not all((library / name).is_file() for name in (DESCRIPTIONS, WEIGHTS, LIMITS)):
         return None
     skills = read_library(library / DESCRIPTIONS, library / WEIGHTS, where.make())
-    return Grounded(attempt.program, skills, read_json(library / LIMITS), confirm)
+    return Runnable(attempt.program, skills, read_json(library / LIMITS), confirm)
 
 
 def _shoot(scene: Scene, where: TaskConfig, count: int, directory: Path) -> list[Film]:

@@ -115,12 +115,13 @@ def execute(
     rows = min(batch, max(len(seeds), 1))
     machine = Machine(program, task.layout, rows, limits=limits, confirm=confirm, rng=rng, solved=task.solved)
     tape = Tape(task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions)
-    crew = [(_at_work(controllers[run.controller], rows), len(run_variables(run))) for run in runs_of(program)]
+    crew = [(at_work(controllers[run.controller], rows), len(run_variables(run))) for run in runs_of(program)]
     world = task.world(rows)
     return _Execution(np.asarray(seeds, dtype=np.int64), task, world, machine, tape, crew, until_end).run()
 
 
-def _at_work(controller: Controller, batch: int) -> Memory:
+def at_work(controller: Controller, batch: int) -> Memory:
+    """Return a controller as it acts in `batch` rows."""
     return controller.remember(batch) if isinstance(controller, Remembering) else _Memoryless(controller)
 
 

@@ -283,6 +283,11 @@ def pretty(program: Program) -> str:
     return "\n".join(lines) + "\n"
 
 
+def program_text(program: Program) -> str:
+    """Spell a program as its readers see it; what prints is what runs."""
+    return pretty(program).rstrip() + "\n"
+
+
 def _indent(lines: list[str] | Iterator[str]) -> list[str]:
     return [f"  {line}" for line in lines]
 

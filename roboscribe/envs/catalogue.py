@@ -29,6 +29,8 @@ GROUP = "roboscribe.tasks"
 """Group of the entry points by which other packages bring tasks."""
 BLANKS = {"N": "([1-9][0-9]?)", "NAME": "(.+)"}
 """What stands in a pattern for a number and for any text."""
+EXTRAS = {"mujoco": "fetch", "gymnasium_robotics": "fetch", "robosuite": "robosuite", "metaworld": "metaworld"}
+"""Which extra of this package brings a simulator."""
 IN_FILE = re.compile(r"(.+\.py):([A-Za-z_][A-Za-z0-9_]*)")
 """A task in a file: path and name."""
 
@@ -105,10 +107,17 @@ def _compiled(pattern: str) -> re.Pattern[str]:
 
 
 @cache
-def _import_own() -> None:
-    """Let our families register themselves."""
+def _import_own() -> tuple[str, ...]:
+    """Let our families register themselves; returns what says which simulators are missing for others."""
+    missing: dict[str, None] = {}
     for module in sorted(found.name for found in iter_modules(own.__path__)):
-        import_module(f"{own.__name__}.{module}")
+        try:
+            import_module(f"{own.__name__}.{module}")
+        except ModuleNotFoundError as error:
+            if error.name not in EXTRAS:
+                raise
+            missing[f"{error.name} is not installed: pip install 'roboscribe[{EXTRAS[error.name]}]' brings more"] = None
+    return tuple(missing)
 
 
 @cache
@@ -172,7 +181,8 @@ def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Ta
             return family.make(request)
     near = get_close_matches(name, task_names(), n=1)
     hint = f"did you mean {near[0]}? " if near else ""
-    msg = f"unknown task {name!r}: {hint}expected one of {', '.join(task_names())}, or another number of objects"
+    known = f"expected one of {', '.join(task_names())}, or another number of objects"
+    msg = "; ".join((f"unknown task {name!r}: {hint}{known}", *_import_own()))
     raise TaskError(msg)
 
 

@@ -95,6 +95,10 @@ class PointTask(Task):
         """Collect successful noisy demonstrations."""
         return demonstrate(self, episodes, seed)
 
+    def controller(self, run: Run, scales: Mapping[str, float], seed: int) -> Lookahead:
+        """Return the task's own controller for a statement."""
+        return Lookahead(self, run, scales, seed)
+
     def initial(self, seed: int) -> FloatArray:
         """Sample an initial state (F,) that `seed` alone decides."""
         rng = np.random.default_rng(seed)

@@ -1,5 +1,8 @@
 """Files: demonstrations in Parquet, saved programs, and how every file is written whole or not at all."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from roboscribe.io.atomic import (
     Json,
     canonical_json,
@@ -10,9 +13,11 @@ from roboscribe.io.atomic import (
     write_file,
     write_files,
 )
-from roboscribe.io.demonstrations import Demonstrations, read_demonstrations, write_demonstrations
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
 from roboscribe.io.validation import Screened, check_trajectory, consistent, screen
+
+if TYPE_CHECKING:
+    from roboscribe.io.demonstrations import Demonstrations, read_demonstrations, write_demonstrations
 
 __all__ = [
     "Demonstrations",
@@ -34,3 +39,14 @@ __all__ = [
     "write_file",
     "write_files",
 ]
+
+LATE = ("Demonstrations", "read_demonstrations", "write_demonstrations")
+"""What needs pyarrow, which takes long to import: who only loads a program does without."""
+
+
+def __getattr__(name: str) -> object:
+    """Import what is used for the first time."""
+    if name in LATE:
+        return getattr(import_module("roboscribe.io.demonstrations"), name)
+    msg = f"module {__name__} has no attribute {name!r}"
+    raise AttributeError(msg)

@@ -15,8 +15,10 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import ArrayLike
 
 from roboscribe.errors import DemonstrationError
+from roboscribe.io.arrays import States, digest_of, trajectories_of
 from roboscribe.io.atomic import sha256_of_bytes, write_file
 from roboscribe.io.frames import decode, encode, index_of
 from roboscribe.io.schema import check_columns, check_metadata, describe, lengths_of, metadata_of, schema_of
@@ -31,17 +33,51 @@ _MOST_ROWS = 50_000_000
 
 @dataclass(frozen=True)
 class Demonstrations:
-    """What one file holds.
+    """Demonstrations of one task, out of a file or of arrays.
 
     Args:
         trajectories: by episode number; an episode without frames is a trajectory of length 0.
-        digest: SHA-256 of the file, hexadecimal.
+        digest: SHA-256 of the file, or of the arrays, hexadecimal.
         report: remarks that are no errors.
     """
 
     trajectories: tuple[Trajectory, ...]
     digest: str
-    report: tuple[str, ...]
+    report: tuple[str, ...] = ()
+
+    @classmethod
+    def from_parquet(cls, path: str | Path, task: Task) -> Demonstrations:
+        """Read a file, see `read_demonstrations`."""
+        return read_demonstrations(Path(path), task)
+
+    @classmethod
+    def from_arrays(
+        cls, task: Task, states: Sequence[States], actions: Sequence[ArrayLike] | None = None
+    ) -> Demonstrations:
+        """Take demonstrations that are arrays, see `trajectories_of`."""
+        trajectories = trajectories_of(task, states, actions)
+        return cls(trajectories, digest_of(trajectories))
+
+    @classmethod
+    def collected(cls, task: Task, episodes: int = 50, seed: int = 0) -> Demonstrations:
+        """Let the task's own demonstrator show what to do.
+
+        Raises:
+            TaskError: it brings none.
+        """
+        trajectories = tuple(task.demonstrate(episodes, seed))
+        return cls(trajectories, digest_of(trajectories))
+
+    def to_parquet(self, path: str | Path, task: Task, generator: str = "arrays") -> str:
+        """Write a file that commands take, see `write_demonstrations`; returns its SHA-256."""
+        path, frequency = Path(path), task.frequency
+        return write_demonstrations(
+            path, task.name, task.layout, frequency, self.trajectories, generator=generator, seed=None
+        )
+
+    def __len__(self) -> int:
+        """Count the demonstrations."""
+        return len(self.trajectories)
 
 
 def write_demonstrations(

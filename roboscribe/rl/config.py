@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
-Profile: TypeAlias = Literal["actions", "states", "paper"]
+Profile: TypeAlias = Literal["actions", "states", "paper", "scripted"]
+"""What may be learned from; `scripted` learns nothing and takes the controllers that the task brings."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +169,7 @@ class TrainConfig:
     """How skills are trained.
 
     Args:
-        profile: what may be learned from: `actions`, `states` or `paper`.
+        profile: what may be learned from: `actions`, `states` or `paper`; or `scripted`: the task's own controllers.
         target: evaluated success at which a skill of a program for ψ_R is good enough.
         subgoal_target: the same where the program is for a subgoal.
         budget: control steps that may be spent on one skill's reinforcement learning.

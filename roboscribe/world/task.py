@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import ClassVar, Protocol
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.states import state_of
 from roboscribe.world.trajectory import Trajectory
 
 
@@ -83,6 +85,28 @@ class Task(ABC):
     @abstractmethod
     def world(self, batch: int) -> World:
         """Build a world of `batch` rows; every row must be reset or loaded before it is stepped."""
+
+    def read(self, observation: Any) -> FloatArray:  # noqa: ANN401 - whatever a robot or an environment gives
+        """Turn what a robot or an environment observes into a state (F,), when a program drives it.
+
+        A task whose environment observes something else overrides this.
+
+        Args:
+            observation: a state, or its columns by name ("mu.position", "b1.position", "g(b1).position").
+
+        Raises:
+            TaskError: a column is missing, or numbers are.
+        """
+        try:
+            named = isinstance(observation, Mapping)
+            state = state_of(self.layout, observation) if named else np.asarray(observation, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            msg = f"observation of {self.name}: {error}"
+            raise TaskError(msg) from error
+        if state.shape != (self.layout.size,):
+            msg = f"observation of {self.name}: found shape {state.shape}, expected ({self.layout.size},)"
+            raise TaskError(msg)
+        return state
 
     def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
         """Collect successful noisy scripted demonstrations (actions and snapshots included); reproducible by seed.

@@ -133,3 +133,17 @@ def test_a_package_brings_tasks_by_its_entry_points(tmp_path: Path) -> None:
 def test_a_near_miss_is_pointed_out() -> None:
     with pytest.raises(TaskError, match="unknown task 'pickplace-1': did you mean pick-place-1"):
         make_task("pickplace-1")
+
+
+def test_a_missing_simulator_is_named_in_one_line() -> None:
+    code = (
+        "import sys; sys.modules['mujoco'] = None\n"
+        "from roboscribe.envs.catalogue import make_task\n"
+        "print(make_task('point-tower-3').name)\n"
+        "try: make_task('tower-5')\nexcept Exception as error: print(type(error).__name__, error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True, capture_output=True, text=True)
+    toy, said = done.stdout.splitlines()
+    assert toy == "point-tower-3"
+    assert said.startswith("TaskError unknown task 'tower-5'")
+    assert said.endswith("; mujoco is not installed: pip install 'roboscribe[fetch]' brings more")

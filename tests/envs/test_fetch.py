@@ -12,7 +12,7 @@ import pytest
 from roboscribe.envs import catalogue, demonstrator, fetch, single_block_demonstrator
 from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.fetch_world import FetchWorld
-from roboscribe.envs.tasks.gym import GymWorld
+from roboscribe.envs.serial_world import SerialWorld
 from roboscribe.envs.tasks.pick_place import PickPlace
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import FloatArray
@@ -24,7 +24,7 @@ HAND_SPEED = 0.06
 """Agreement of the hand's velocity, m/s: ours is that of 2 ms earlier."""
 
 
-def twins(seed: int) -> tuple[FetchWorld, GymWorld]:
+def twins(seed: int) -> tuple[FetchWorld, SerialWorld]:
     """Put our faithful world and the gym environment into the same state."""
     ours = PickPlace("twin", 1, contact="paper", timing="faithful").world(1)
     state = ours.reset(ROW, np.array([seed]))[0]

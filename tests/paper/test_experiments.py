@@ -25,8 +25,8 @@ from pipelines.paper.demos import draw_demos, ways_of
 from pipelines.paper.experiment import Desk, Done, Options
 from pipelines.paper.methods import budget_of
 from pipelines.paper.running import Runner, unheard
+from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import TaskError
-from roboscribe.synthesize import Limits
 from stages.paper.rows import OURS, Trial, read_record
 from stages.world import TaskConfig
 from tests.pipelines.runs import Command, contents, scripted

@@ -20,9 +20,9 @@ from pipelines.paper import cells
 from pipelines.paper.experiment import Desk, Done, Options
 from pipelines.paper.running import Runner
 from pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.saved_program import load_program, save_program
-from roboscribe.synthesize import Limits
 from stages import transfer
 from stages.mlflow_store import synchronise
 from stages.paper.rows import Trial

@@ -12,8 +12,8 @@ from PIL import Image
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, save_program
+from roboscribe.steps import wilson
 from stages import transfer
-from stages.evaluate import wilson
 from stages.files import OUTCOME, read_json
 from stages.paper.report import About, report_files
 from stages.paper.towers import Measurement, draw, report, summarise, tabulate

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipelines.audience import Audience
-from pipelines.chain import SCRIPTED, Plan
+from pipelines.chain import Plan
 from pipelines.home import Home
 from pipelines.session import Engine, Session
+from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
 from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
-from roboscribe.synthesize import Limits
 from stages.events import Event
 from stages.progress import Progress
 from stages.world import TaskConfig
@@ -25,7 +25,7 @@ Command = Callable[..., int]
 def scripted(seed: int = 0, task: str = TASK.name, **more: object) -> Plan:
     """Plan a synthesis that takes a second: nothing is learned."""
     few = {"shown": 12, "tried": 20, "episodes": 40, "video": False}
-    return Plan(TaskConfig(task), seed, SCRIPTED, **{**few, **more})  # type: ignore[arg-type]  # fields of Plan
+    return Plan(TaskConfig(task), seed, "scripted", **{**few, **more})  # type: ignore[arg-type]  # fields of Plan
 
 
 def learned(seed: int = 0) -> Plan:

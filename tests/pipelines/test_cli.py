@@ -143,7 +143,10 @@ def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.C
         (["synthesize", TASK, "--profile", "all"], "'all'"),
         (["synthesize", TASK, "--demos", "/nowhere.parquet"], "/nowhere.parquet: cannot be read"),
         (["synthesize", TASK, "--seed", "-1"], "--seed"),
-        (["synthesize", "pick-place-1", "--profile", "scripted", "--engine", "local"], "needs a point task"),
+        (
+            ["synthesize", "pick-place-1", "--profile", "scripted", "--engine", "local"],
+            "pick-place-1 brings no controllers",
+        ),
         (["synthesize"], "TASK"),
         (["evaluate", "/nowhere", "--task", TASK], "/nowhere: does not exist"),
         (["evaluate", "0" * 32, "--task", TASK], "there is no tracking store"),

@@ -12,13 +12,15 @@ from typing import Any
 
 import pytest
 
-from pipelines import chain, programs
+from pipelines import chain
 from pipelines.chain import Plan
 from pipelines.checkout import checkout_commit
-from pipelines.programs import program_directory, shipped_programs
+from pipelines.programs import program_directory
 from pipelines.session import publish
+from roboscribe import programs
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
+from roboscribe.programs import shipped_programs
 from roboscribe.rl.config import TrainConfig
 from stages.world import TaskConfig
 from tests.pipelines.runs import Command, contents, run, scripted

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from pipelines.programs import TRAINED, evaluation, open_program, shipped_names
+from pipelines.programs import evaluation, open_program
 from roboscribe.io.saved_program import load_program
+from roboscribe.programs import TRAINED, shipped_names
 from stages.evaluate import Config
 
 NAMES = shipped_names()

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from roboscribe.abstraction_refinement import Limits, Outcome, Solution, pure_steps, roboscribe
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
@@ -15,7 +16,6 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.reward import atom_term, atoms
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
-from roboscribe.synthesize import Limits, Outcome, Solution, pure_steps, roboscribe
 from roboscribe.world.trajectory import Trajectory
 
 Skills = dict[str, Lookahead]

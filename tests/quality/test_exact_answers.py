@@ -7,6 +7,7 @@ from itertools import permutations, product
 import numpy as np
 import pytest
 
+from roboscribe.abstraction_refinement import Solution
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import controllers, free_vars, rename, uses_robot, walk
 from roboscribe.dsl.semantics import holds
@@ -17,7 +18,6 @@ from roboscribe.envs.point_world import POINT_TASKS, PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.reward import atoms
-from roboscribe.synthesize import Solution
 from roboscribe.world.layout import BoolArray, FloatArray
 from tests.quality.scripted import Skills, demonstrations, paths, solve, variant
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
-from roboscribe.synthesize import Limits
 from stages.events import Event, Refined, Trained
 from stages.mlflow_store import DATABASE, STATE, ensure_store, open_copier, run_id_of, synchronise
 from stages.progress import Progress

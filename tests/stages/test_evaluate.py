@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stages.evaluate import wilson
-from stages.world import episode_seeds
+from roboscribe.evaluation import episode_seeds
+from roboscribe.steps import wilson
 
 
 def test_wilson_by_hand() -> None:

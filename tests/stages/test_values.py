@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from roboscribe.classifier import Refinement, learn_classifier
+from roboscribe.controllers import Scripted
 from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.dsl.rewrite import controllers
-from roboscribe.envs.point_world import POINT_TASKS, Lookahead
+from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.evidence import Evidence
 from roboscribe.subtask_tree import ROOT, Node, Place, Tree, update_tree
+from roboscribe.tree_json import tree_from_json, tree_to_json
 from stages.files import OUTCOME, REFINEMENT, read_fail, read_json, write_fail, write_json
 from stages.skills import DESCRIPTIONS, WEIGHTS, read_library, write_library
 from stages.values import (
@@ -22,8 +24,6 @@ from stages.values import (
     read_outcome,
     read_refinement,
     refinement_to_json,
-    tree_from_json,
-    tree_to_json,
 )
 
 TASK = POINT_TASKS["point-pick-place-1"]
@@ -116,10 +116,10 @@ def test_scripted_controllers_act_the_same_after_loading(tmp_path: Path) -> None
         "def P(mu: EE): b := get(lambda b:block. true); pi_hold(mu, b) until norm(mu.xz - b.xz) < 0.02"
     )
     (run,) = controllers(program)
-    write_library(tmp_path, {"hold": Lookahead(TASK, run, {"‖μ↓xz − b↓xz‖": 0.25}, 7)})
+    write_library(tmp_path, {"hold": Scripted.of(TASK, run, {"‖μ↓xz − b↓xz‖": 0.25}, 7)})
     loaded = read_library(tmp_path / DESCRIPTIONS, tmp_path / WEIGHTS, TASK)["hold"]
     states, entities = np.stack([TASK.initial(seed) for seed in range(5)]), np.zeros((5, 1), np.int64)
-    wanted = Lookahead(TASK, run, {"‖μ↓xz − b↓xz‖": 0.25}, 7).act(states, entities)
+    wanted = TASK.controller(run, {"‖μ↓xz − b↓xz‖": 0.25}, 7).act(states, entities)
     np.testing.assert_array_equal(loaded.act(states, entities), wanted)
 
 
@@ -128,12 +128,12 @@ def test_scripted_controllers_are_refused_elsewhere(tmp_path: Path) -> None:
         "def P(mu: EE): b := get(lambda b:block. true); pi_hold(mu, b) until norm(mu.xz - b.xz) < 0.02"
     )
     (run,) = controllers(program)
-    write_library(tmp_path, {"hold": Lookahead(TASK, run, {}, 7)})
+    write_library(tmp_path, {"hold": Scripted.of(TASK, run, {}, 7)})
 
     class Other:
         name = "elsewhere"
 
-    with pytest.raises(ArtifactError, match="found task elsewhere"):
+    with pytest.raises(ArtifactError, match="task elsewhere brings none"):
         read_library(tmp_path / DESCRIPTIONS, tmp_path / WEIGHTS, Other())  # type: ignore[arg-type]  # only its name is read
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import mujoco
@@ -13,10 +14,10 @@ from roboscribe.envs import fetch, multi_block_demonstrator, push_demonstrator
 from roboscribe.envs.catalogue import Request, register
 from roboscribe.envs.demonstrator import Script, ScriptedTask
 from roboscribe.envs.engine import INTEGRATION, integration_state
-from roboscribe.envs.fetch_world import at_goals, checked
+from roboscribe.envs.fetch_world import at_goals
+from roboscribe.envs.serial_world import SerialWorld
 from roboscribe.errors import TaskError
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.task import World
+from roboscribe.world.layout import BoolArray, FloatArray, Layout
 
 if TYPE_CHECKING:
     import gymnasium
@@ -39,7 +40,7 @@ def make_env(name: str, horizon: int) -> gymnasium.Env[dict[str, FloatArray], Fl
     return gymnasium.make(name, max_episode_steps=horizon, disable_env_checker=True)
 
 
-def state_of(observation: dict[str, FloatArray]) -> FloatArray:
+def state_of(observation: Mapping[str, FloatArray]) -> FloatArray:
     """Turn an observation into a flat state (19,) of the one-block scene.
 
     The environment gives displacements per control step, the block's relative to the hand's; states hold m/s.
@@ -83,9 +84,14 @@ class GymFetch(ScriptedTask):
         """ψ_R: the block at its goal; states (..., F), returns (...)."""
         return at_goals(states)
 
-    def world(self, batch: int) -> GymWorld:
+    def world(self, batch: int) -> SerialWorld:
         """Build a world of `batch` environments."""
-        return GymWorld(self, batch)
+        return SerialWorld(partial(GymSimulator, self), batch)
+
+    def read(self, observation: Any) -> FloatArray:  # noqa: ANN401 - as declared
+        """Turn what the environment observes into a state (F,); a state stays as it is."""
+        own = isinstance(observation, Mapping) and "desired_goal" in observation
+        return super().read(state_of(observation) if own else observation)
 
     @property
     def script(self) -> Script:
@@ -103,8 +109,8 @@ def gym_fetch(request: Request) -> GymFetch:
     return GymFetch(request.name, SCRIPTS[request.name.removeprefix(PREFIX)])
 
 
-class Row:
-    """One environment, its last state, and whether it left physics."""
+class GymSimulator:
+    """One environment and its last state."""
 
     def __init__(self, task: GymFetch) -> None:
         """Build the environment."""
@@ -113,26 +119,21 @@ class Row:
         inner: Any = self.env.unwrapped
         self.inner = inner
         self.hand = int(inner.model.body(HAND).id)
-        self.state_size = task.layout.size
-        self.state = np.empty(0)
-        self.failed = False
+        self.state = self.reset(0)
 
-    def reset(self, seed: int) -> None:
-        """Start the episode of a seed."""
+    def reset(self, seed: int) -> FloatArray:
+        """Start the episode of a seed as the environment's own `reset(seed=...)` does."""
         observation, _ = self.env.reset(seed=seed)
-        self.state, self.failed = state_of(observation), False
+        self.state = state_of(observation)
+        return self.state
 
-    def step(self, action: FloatArray) -> None:
-        """Step; what leaves physics goes back to where it was and fails (MuJoCo resets the clock of a bad state)."""
-        before, clock = self.save(), float(self.inner.data.time)
+    def step(self, action: FloatArray) -> FloatArray:
+        """Step; NaN where physics broke (MuJoCo resets the clock of a bad state)."""
+        clock = float(self.inner.data.time)
         observation = self.env.step(action)[0]
-        state = state_of(observation)
         on_time = abs(self.inner.data.time - clock - CONTROL_STEP) < 1e-6
-        if on_time and np.isfinite(state).all():
-            self.state = state
-        else:
-            self.load(before)
-            self.failed = True
+        self.state = state_of(observation) if on_time else np.full_like(self.state, np.nan)
+        return self.state
 
     def save(self) -> FloatArray:
         """Return integration state, the hand's pose (the next action starts from it) and the state."""
@@ -140,78 +141,17 @@ class Row:
         pose = (data.xpos[self.hand], data.xquat[self.hand])
         return np.concatenate([integration_state(self.inner.model, data), *pose, self.state])
 
-    def load(self, snapshot: FloatArray) -> None:
+    def load(self, snapshot: FloatArray) -> FloatArray:
         """Put the environment back into a saved state."""
         model, data = self.inner.model, self.inner.data
         physics, pose, state = np.split(snapshot, np.cumsum([mujoco.mj_stateSize(model, INTEGRATION), 7]))
-        if state.shape != (self.state_size,):
-            msg = f"a snapshot of {len(snapshot)} numbers: expected {len(physics) + 7 + self.state_size}"
+        if state.shape != self.state.shape:
+            msg = f"a snapshot of {len(snapshot)} numbers: expected {len(physics) + 7 + self.state.size}"
             raise TaskError(msg)
         mujoco.mj_setState(model, data, physics, INTEGRATION)
         mujoco.mj_forward(model, data)
         mujoco.mj_setState(model, data, physics, INTEGRATION)
         data.xpos[self.hand], data.xquat[self.hand] = pose[:3], pose[3:]
-        self.state, self.failed = state.copy(), False
+        self.state = state.copy()
         self.inner.goal = state[-3:].copy()
-
-
-class GymWorld(World):
-    """B environments in a loop; a row's environment is built when the row is first used."""
-
-    def __init__(self, task: GymFetch, batch: int) -> None:
-        """Remember the size; no environment exists yet."""
-        self.batch = batch
-        self.control_steps = 0
-        self._task = task
-        self._rows: dict[int, Row] = {}
-
-    def _row(self, row: int) -> Row:
-        """Return a row that was reset or loaded before.
-
-        Raises:
-            ValueError: it was not.
-        """
-        if int(row) not in self._rows:
-            msg = f"row {int(row)} was never reset or loaded: reset it before use"
-            raise ValueError(msg)
-        return self._rows[int(row)]
-
-    def _ready(self, row: int) -> Row:
-        """Return a row, building its environment if need be."""
-        if int(row) not in self._rows:
-            self._rows[int(row)] = Row(self._task)
-            self._rows[int(row)].reset(0)
-        return self._rows[int(row)]
-
-    def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
-        """Start episodes as the environment's own `reset(seed=...)` does. Returns (R, F)."""
-        for row, seed in zip(rows, seeds, strict=True):
-            self._ready(row).reset(int(seed))
-        return self.observe(rows)
-
-    def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
-        """Apply `actions` (R, 4), clipped to [-1, 1]. Returns (R, F)."""
-        for row, action in zip(rows, checked(rows, actions), strict=True):
-            one = self._row(row)
-            if not one.failed:
-                one.step(action)
-                self.control_steps += 1
-        return self.observe(rows)
-
-    def observe(self, rows: IntArray) -> FloatArray:
-        """Return the present states (R, F) of `rows`."""
-        return np.array([self._row(row).state for row in rows])
-
-    def diverged(self, rows: IntArray) -> BoolArray:
-        """Which of `rows` left physics."""
-        return np.array([self._row(row).failed for row in rows], dtype=np.bool_)
-
-    def save(self, rows: IntArray) -> FloatArray:
-        """Return snapshots (R, S)."""
-        return np.array([self._row(row).save() for row in rows])
-
-    def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
-        """Put `rows` into saved states (R, S). Returns (R, F)."""
-        for row, snapshot in zip(rows, snapshots, strict=True):
-            self._ready(row).load(snapshot)
-        return self.observe(rows)
+        return self.state

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from roboscribe.abstraction_refinement import Limits, Outcome, Solution, pure_steps, roboscribe
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.synthesize import Limits, Outcome, Solution, pure_steps, roboscribe
 from roboscribe.world.trajectory import Trajectory
 from tests.quality.bench.controller import Lookahead, lookahead_skills
 from tests.quality.bench.task import KinematicTask

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.dsl.syntax import And, Program, Seq
 from roboscribe.errors import Fail
 from roboscribe.steps import Outcome, Removed
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
-from roboscribe.synthesize import Limits, Solution, roboscribe
 from tests.handmade import AT, HOLD, node
 from tests.story import Story, root
 

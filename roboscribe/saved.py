@@ -9,15 +9,15 @@ from roboscribe.dsl.parser import parse_program
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram
+from roboscribe.runnable import Runnable, runnable
 from roboscribe.world import Task
-from stages.grounded import Grounded, grounded
 
 KIND = "kind"
 BASELINE = "baseline"
 """What the manifest of a baseline has under `KIND`; that of a program has nothing there."""
 
 
-def open_saved(saved: SavedProgram, task: Task, where: str) -> Grounded:
+def open_saved(saved: SavedProgram, task: Task, where: str) -> Runnable:
     """Make what was saved ready to run on a task.
 
     Raises:
@@ -25,9 +25,9 @@ def open_saved(saved: SavedProgram, task: Task, where: str) -> Grounded:
         ProgramError: its text, edited perhaps, is no program.
     """
     if saved.manifest.get(KIND) != BASELINE:
-        return grounded(saved, task, where)
+        return runnable(saved, task, where)
     library = {name: _policy(saved, name, about, task, where) for name, about in saved.controllers.items()}
-    return Grounded(parse_program(saved.program_text), library, {})
+    return Runnable(parse_program(saved.program_text), library, {})
 
 
 def _policy(saved: SavedProgram, name: str, about: Json, task: Task, where: str) -> Controller:

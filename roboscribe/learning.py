@@ -1,0 +1,177 @@
+"""From a task and demonstrations to a program that runs: all of the method in memory, without files or tracking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from roboscribe.abstraction_refinement import roboscribe
+from roboscribe.controllers import Library
+from roboscribe.dsl.printer import text
+from roboscribe.dsl.syntax import Program
+from roboscribe.errors import Fail
+from roboscribe.evaluation import episode_seeds, measure, waves
+from roboscribe.evidence import Evidence
+from roboscribe.grounding import CHECKED, ground, grounds, settled_profile, stale
+from roboscribe.io.atomic import Json
+from roboscribe.io.demonstrations import Demonstrations
+from roboscribe.io.validation import screen
+from roboscribe.policy import Policy, task_named
+from roboscribe.programs import program_name, saved_form
+from roboscribe.rl.config import Profile, TrainConfig
+from roboscribe.rl.train_program import step_limits
+from roboscribe.runnable import Runnable
+from roboscribe.steps import Abandoned, Decision, Limits, Outcome, Refined, Removed, Steps, pure_steps
+from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.synthesis import Synthesis
+from roboscribe.world.task import Task
+from roboscribe.world.trajectory import Trajectory
+
+
+def synthesize(
+    task: Task | str,
+    demonstrations: Demonstrations | Sequence[Trajectory],
+    *,
+    seed: int = 0,
+    profile: Profile | None = None,
+    rollout_episodes: int = 100,
+    evaluation_episodes: int = 500,
+    limits: Limits | None = None,
+    training: TrainConfig | None = None,
+    tell: Callable[[str], None] = lambda line: None,
+) -> Synthesis | Fail:
+    """Find a program that solves a task, from demonstrations.
+
+    Nothing is written and nothing is tracked: `Synthesis.save` keeps the result, and `roboscribe synthesize` is the
+    command that resumes and tracks. Both find the same program.
+
+    Args:
+        task: a task, or the name of one.
+        demonstrations: of it.
+        seed: decides everything random.
+        profile: what may be learned from; None is `actions` where all demonstrations have them, else `states`.
+        rollout_episodes: episodes in which each program of Algorithm 2 is tried.
+        evaluation_episodes: episodes of the final evaluation.
+        limits: accuracy asked and effort allowed.
+        training: settings of the learners, but for the profile.
+        tell: told in one line what happens; `print` shows it.
+
+    Returns:
+        The program with its controllers and how it was found; Fail with the reason where there is none.
+
+    Raises:
+        DemonstrationError: demonstrations that cannot be learned from.
+        TaskError: an unknown task.
+    """
+    where = task_named(task)
+    digest = demonstrations.digest if isinstance(demonstrations, Demonstrations) else ""
+    shown = demonstrations.trajectories if isinstance(demonstrations, Demonstrations) else tuple(demonstrations)
+    screened = screen(where, shown)
+    if isinstance(screened, Fail):
+        return screened
+    for line in screened.report:
+        tell(line)
+    chosen = settled_profile(profile, all(each.actions is not None for each in screened.kept), "demonstrations")
+    settings = replace(training or TrainConfig(), profile=chosen)
+    evidence = Evidence.of(screened.kept, where.solved)
+    learning = Learning(where, evidence, seed, settings, rollout_episodes, tell)
+    name = task if isinstance(task, str) else task.name
+    found = roboscribe(learning.steps(program_name(name)), Trained(), limits or Limits())
+    if isinstance(found, Fail):
+        return found
+    runnable = Runnable(found.program, found.skills.library, found.skills.limits, settings.confirm)
+    evaluation = measure(runnable, where, seed, evaluation_episodes)
+    tell(str(evaluation))
+    manifest: dict[str, Json] = {
+        "task": name,
+        "profile": chosen,
+        "seed": seed,
+        "confirm": settings.confirm,
+        "limits": dict(found.skills.limits),
+        "demonstrations": digest,
+        "figures": evaluation.figures,
+    }
+    saved = saved_form(found.program, found.tree, found.skills.library, manifest)
+    return Synthesis(Policy(runnable, where), found.tree, found.refinements, evaluation, saved)
+
+
+@dataclass(frozen=True)
+class Trained:
+    """Controllers as they pass through Algorithm 2.
+
+    Args:
+        library: by name.
+        limits: step limits of the program that was trained last.
+        grounds: by controller, what its node followed on when it was trained, see `grounds`.
+    """
+
+    library: Library = field(default_factory=dict)
+    limits: Mapping[str, int] = field(default_factory=dict)
+    grounds: Mapping[str, Json] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Learning:
+    """The pieces of Algorithm 2 that touch the robot's world.
+
+    Args:
+        task: the world.
+        evidence: the demonstrations.
+        seed: decides everything random.
+        training: settings of the learners.
+        episodes: in which each program is tried.
+        tell: told in one line what happens.
+    """
+
+    task: Task
+    evidence: Evidence
+    seed: int
+    training: TrainConfig
+    episodes: int
+    tell: Callable[[str], None]
+
+    def steps(self, name: str) -> Steps[Trained]:
+        """Return all pieces of Algorithm 2 for a program of some name."""
+        pure = pure_steps(self.evidence, self.train, self.roll_out, name)
+        return replace(pure, check=self.check, tell=lambda decision: self.tell(told(decision)))
+
+    def train(self, program: Program, goal: str, tree: Tree, trained: Trained) -> Trained:
+        """TRAINPROGRAM."""
+        now = grounds(tree, program)
+        known = {name: each for name, each in trained.library.items() if name not in stale(now, trained.grounds)}
+        shown, solve = self.evidence.trajectories, goal == ROOT
+        library, reports = ground(self.task, program, tree, shown, known, self.training, self.seed, solve=solve)
+        for report in reports:
+            self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")
+        return Trained(library, step_limits(program, shown, self.task), {**trained.grounds, **now})
+
+    def roll_out(self, program: Program, goal: str, trained: Trained) -> Outcome:
+        """Exec(M, P)."""
+        outcome = self._outcome(program, goal, trained, self.episodes)
+        self.tell(f"{goal} is reached in {outcome.successes} of {outcome.episodes} episodes")
+        return outcome
+
+    def check(self, program: Program, goal: str, trained: Trained) -> Outcome:
+        """Exec(M, P) for a few episodes."""
+        return self._outcome(program, goal, trained, min(CHECKED, self.episodes))
+
+    def _outcome(self, program: Program, goal: str, trained: Trained, episodes: int) -> Outcome:
+        seeds = episode_seeds(self.seed, f"roll out {goal}", episodes)
+        runnable = Runnable(program, trained.library, trained.limits, self.training.confirm)
+        found = [Outcome.of(rollouts) for rollouts in waves(runnable, self.task, seeds, goal)]
+        failures = np.concatenate([each.failures for each in found])
+        return Outcome(sum(each.successes for each in found), episodes, failures)
+
+
+def told(decision: Decision) -> str:
+    """Say in one line what Algorithm 1 decided."""
+    match decision:
+        case Refined(refinement, _, count, shown):
+            node = refinement.node
+            return f"{node.name} ≡ {text(node.predicate)}, before {refinement.psi}: explains {count} of {shown}"
+        case Abandoned(reason):
+            return f"another line is taken up, for {reason}"
+        case Removed(node_name, success):
+            return f"{node_name} is taken out again: without it {success:.0%} of the episodes succeed"

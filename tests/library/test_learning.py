@@ -1,0 +1,66 @@
+"""The library finds what the command finds, without files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import roboscribe
+from roboscribe.envs.point_world import POINT_TASKS
+from roboscribe.errors import DemonstrationError, TaskError
+from roboscribe.io.saved_program import load_program
+from tests.pipelines.runs import TASK, run, scripted
+
+SHOWN = roboscribe.Demonstrations.collected(POINT_TASKS[TASK.name], 12, 0)
+
+
+def test_the_library_finds_the_program_that_the_command_finds(tmp_path: Path) -> None:
+    lines: list[str] = []
+    found = roboscribe.synthesize(
+        TASK.name, SHOWN, profile="scripted", rollout_episodes=20, evaluation_episodes=40, tell=lines.append
+    )
+    assert isinstance(found, roboscribe.Synthesis)
+    found.save(tmp_path / "mine")
+    run(scripted(), tmp_path)
+    mine, theirs = load_program(tmp_path / "mine"), load_program(tmp_path / "program")
+    assert mine.program_text == theirs.program_text
+    assert (mine.tree, mine.controllers) == (theirs.tree, theirs.controllers)
+    assert {name: theirs.manifest[name] for name in mine.manifest if name != "demonstrations"} == {
+        name: value for name, value in mine.manifest.items() if name != "demonstrations"
+    }
+    assert any(line.startswith("at ≡") for line in lines)
+    assert str(found.evaluation) == lines[-1]
+
+
+def test_a_result_is_loaded_again_and_shown(tmp_path: Path) -> None:
+    found = roboscribe.synthesize(
+        POINT_TASKS[TASK.name], SHOWN, profile="scripted", rollout_episodes=20, evaluation_episodes=4
+    )
+    assert isinstance(found, roboscribe.Synthesis)
+    assert str(roboscribe.load(found.save(tmp_path / "p"))) == str(found.policy)
+    page = found._repr_html_()
+    assert all(f"{rank}. {each.node.name}" in page for rank, each in enumerate(found.refinements, start=1))
+
+
+def test_demonstrations_that_show_nothing_give_a_reason() -> None:
+    still = [np.repeat(each.states[:1], 5, axis=0) for each in SHOWN.trajectories]
+    found = roboscribe.synthesize(TASK.name, roboscribe.Demonstrations.from_arrays(POINT_TASKS[TASK.name], still))
+    assert isinstance(found, roboscribe.Fail)
+    assert "ever reaches the goal" in found.reason
+
+
+def test_actions_cannot_be_learned_from_states() -> None:
+    states = roboscribe.Demonstrations.from_arrays(POINT_TASKS[TASK.name], [t.states for t in SHOWN.trajectories])
+    with pytest.raises(DemonstrationError, match="found no actions, expected them for profile actions"):
+        roboscribe.synthesize(TASK.name, states, profile="actions")
+
+
+def test_a_task_without_controllers_of_its_own_says_so() -> None:
+    class Bare(type(POINT_TASKS[TASK.name])):  # type: ignore[misc]  # the toy without what it brings
+        controller = None
+
+    bare = Bare("bare", ("block",))
+    with pytest.raises(TaskError, match="bare brings no controllers"):
+        roboscribe.synthesize(bare, SHOWN.trajectories, profile="scripted", rollout_episodes=5)
