@@ -17,6 +17,8 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 _LISTS = pa.large_list(pa.float64())
 _MOST_EPISODES = 100_000
+IN_ORDER = f"ascending numbers from 0 to {_MOST_EPISODES - 1}, each episode in one piece"
+"""What the numbers of a file's episodes are to be."""
 _DRIFT = 0.5
 """Part of a control period by which a timestamp may be off before it belongs to another frame."""
 
@@ -78,15 +80,14 @@ def index_of(table: pa.Table, frequency: float, source: str, *, declared: int = 
     Raises:
         DemonstrationError: an episode in pieces, a frame out of order, a time that belongs to another frame.
     """
-    episode, frame = _integers(table, EPISODE, source), _integers(table, FRAME, source)
+    episode, frame = whole_numbers(table, EPISODE.name, source), whole_numbers(table, FRAME.name, source)
     index = Index(source, episode, frame, ())
     starts = np.flatnonzero(np.append(True, episode[1:] != episode[:-1])[: len(episode)])
     sizes = np.diff(np.append(starts, len(episode)))
     numbers, position = episode[starts], np.arange(len(episode)) - np.repeat(starts, sizes)
     broken = starts[(np.diff(numbers, prepend=-1) <= 0) | (numbers >= _MOST_EPISODES)]
     if broken.size:
-        expected = f"ascending numbers from 0 to {_MOST_EPISODES - 1}, each episode in one piece"
-        index.complain(int(broken[0]), EPISODE.name, f"out of order in row {broken[0]}, expected {expected}")
+        index.complain(int(broken[0]), EPISODE.name, f"out of order in row {broken[0]}, expected {IN_ORDER}")
     skipped = np.flatnonzero(frame != position)
     if skipped.size:
         index.complain(int(skipped[0]), FRAME.name, f"found {frame[skipped[0]]}, expected {position[skipped[0]]}")
@@ -95,6 +96,20 @@ def index_of(table: pa.Table, frequency: float, source: str, *, declared: int = 
     for number, start, size in zip(numbers, starts, sizes, strict=True):
         slices[number] = slice(int(start), int(start + size))
     return Index(source, episode, frame, tuple(slices))
+
+
+def whole_numbers(table: pa.Table, name: str, source: str) -> IntArray:
+    """Read a column of whole numbers (n,).
+
+    Raises:
+        DemonstrationError: the column holds anything else.
+    """
+    column = table.column(name)
+    if not pa.types.is_integer(column.type) or column.null_count:
+        found = f"{column.type} with nulls" if column.null_count else column.type
+        msg = f"{source}: column {name}: found {found}, expected whole numbers without nulls"
+        raise DemonstrationError(msg)
+    return np.asarray(column.cast(pa.int64()).to_numpy())
 
 
 def decode(table: pa.Table, layout: Layout, action_size: int, index: Index) -> tuple[Trajectory, ...]:
@@ -125,16 +140,6 @@ def _array(values: FloatArray | None, length: int, kind: pa.DataType) -> pa.Arra
     offsets = pa.array(np.arange(len(values) + 1) * values.shape[1], pa.int64() if large else pa.int32())
     lists = (pa.LargeListArray if large else pa.ListArray).from_arrays(offsets, pa.array(values.ravel()))
     return pa.concat_arrays([lists, pa.nulls(length - len(values), kind)])
-
-
-def _integers(table: pa.Table, field: pa.Field, source: str) -> IntArray:
-    """Read a column of whole numbers (n,)."""
-    column = table.column(field.name)
-    if not pa.types.is_integer(column.type) or column.null_count:
-        found = f"{column.type} with {column.null_count} nulls"
-        msg = f"{source}: column {field.name}: found {found}, expected whole numbers without nulls"
-        raise DemonstrationError(msg)
-    return np.asarray(column.cast(pa.int64()).to_numpy())
 
 
 def _check_times(table: pa.Table, index: Index, start: IntArray, frequency: float) -> None:
@@ -217,7 +222,7 @@ def _lists(table: pa.Table, name: str, index: Index, width: int | None) -> _Numb
         row = int(np.flatnonzero(~null)[odd[0]])
         index.complain(row, name, f"found a list of {sizes[odd[0]]}, expected {expected}")
     values = np.full((len(array), wanted), np.nan)
-    values[~null] = np.asarray(array.flatten().fill_null(np.nan)).reshape(-1, wanted)
+    values[~null] = np.asarray(array.flatten().fill_null(np.nan)).reshape(len(sizes), wanted)
     return _Numbers(values, null)
 
 
