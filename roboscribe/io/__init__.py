@@ -12,6 +12,7 @@ from roboscribe.io.atomic import (
 )
 from roboscribe.io.demonstrations import Demonstrations, read_demonstrations, write_demonstrations
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
+from roboscribe.io.schema import metadata_for
 from roboscribe.io.validation import Screened, check_trajectory, consistent, screen
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "check_trajectory",
     "consistent",
     "load_program",
+    "metadata_for",
     "package_versions",
     "parse_json",
     "read_demonstrations",

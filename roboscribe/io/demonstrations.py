@@ -106,6 +106,6 @@ def task_of(path: Path) -> str:
     with open_parquet(path) as (_, file, _):
         name = metadata_of(file.metadata.metadata).get("task")
     if name is None:
-        msg = f"{path}: names no task in its metadata; expected the entry roboscribe.task"
+        msg = f"{path}: names no task in its metadata (roboscribe.task); name it with --task"
         raise DemonstrationError(msg)
     return name

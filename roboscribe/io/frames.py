@@ -120,13 +120,12 @@ def decode(table: pa.Table, layout: Layout, action_size: int, index: Index) -> t
     """
     states = np.full((len(index.episode), layout.size), np.nan)
     for column in columns_of(layout):
-        states[:, column.place] = _attribute(table, column, index)
-    actions = _lists(table, ACTION.name, index, action_size)
-    stored = SNAPSHOT.name in table.column_names
-    snapshots = _lists(table, SNAPSHOT.name, index, None) if stored else None
+        states[:, column.place] = attribute_values(table, column, index)
+    actions = action_values(table, index, action_size)
+    snapshots = snapshot_values(table, index)
     return tuple(
-        Trajectory(layout, states[rows], _actions(actions, rows, index), _snapshots(snapshots, rows, index))
-        for rows in index.slices
+        Trajectory(layout, states[rows], done, saved)
+        for rows, done, saved in zip(index.slices, actions, snapshots, strict=True)
     )
 
 
@@ -153,8 +152,12 @@ def _check_times(table: pa.Table, index: Index, start: IntArray, frequency: floa
         index.complain(row, TIMESTAMP.name, what)
 
 
-def _attribute(table: pa.Table, column: Column, index: Index) -> FloatArray:
-    """Read one attribute (n, w); null only for whole episodes."""
+def attribute_values(table: pa.Table, column: Column, index: Index) -> FloatArray:
+    """Read one attribute (n, w); null only for whole episodes.
+
+    Raises:
+        DemonstrationError: as `decode` has it.
+    """
     width = column.attribute.width
     numbers = _scalars(table, column.name, index) if width == 1 else _lists(table, column.name, index, width)
     wrong = ~np.isfinite(numbers.values) & ~numbers.null[:, None]
@@ -167,6 +170,27 @@ def _attribute(table: pa.Table, column: Column, index: Index) -> FloatArray:
             row = rows.start + int(numbers.null[rows].argmax())
             index.complain(row, column.name, "found no value, expected one as in the episode's other frames")
     return numbers.values
+
+
+def action_values(table: pa.Table, index: Index, action_size: int) -> list[FloatArray | None]:
+    """Read the actions of every episode.
+
+    Raises:
+        DemonstrationError: as `decode` has it.
+    """
+    numbers = _lists(table, ACTION.name, index, action_size)
+    return [_actions(numbers, rows, index) for rows in index.slices]
+
+
+def snapshot_values(table: pa.Table, index: Index) -> list[FloatArray | None]:
+    """Read the simulator states of every episode.
+
+    Raises:
+        DemonstrationError: as `decode` has it.
+    """
+    stored = SNAPSHOT.name in table.column_names
+    numbers = _lists(table, SNAPSHOT.name, index, None) if stored else None
+    return [_snapshots(numbers, rows, index) for rows in index.slices]
 
 
 def _actions(numbers: _Numbers, rows: slice, index: Index) -> FloatArray | None:
@@ -200,6 +224,8 @@ def _uniform(flags: BoolArray) -> bool:
 def _scalars(table: pa.Table, name: str, index: Index) -> _Numbers:
     """Read a column of floating-point numbers (n, 1)."""
     column = table.column(name)
+    if pa.types.is_null(column.type):
+        return _nothing(len(column), 1)
     if not pa.types.is_floating(column.type):
         _wrong_type(index.source, name, column.type, "floating-point numbers")
     null = np.asarray(column.is_null().to_numpy())
@@ -210,6 +236,8 @@ def _scalars(table: pa.Table, name: str, index: Index) -> _Numbers:
 def _lists(table: pa.Table, name: str, index: Index, width: int | None) -> _Numbers:
     """Read a column of lists of floating-point numbers, all of one width (of any, when None)."""
     column = table.column(name)
+    if pa.types.is_null(column.type):
+        return _nothing(len(column), width or 0)
     kind, expected = column.type, f"lists of {width or 'equally many'} floating-point numbers"
     if not _is_list(kind) or not pa.types.is_floating(kind.value_type):
         _wrong_type(index.source, name, kind, expected)
@@ -224,6 +252,11 @@ def _lists(table: pa.Table, name: str, index: Index, width: int | None) -> _Numb
     values = np.full((len(array), wanted), np.nan)
     values[~null] = np.asarray(array.flatten().fill_null(np.nan)).reshape(len(sizes), wanted)
     return _Numbers(values, null)
+
+
+def _nothing(length: int, width: int) -> _Numbers:
+    """Read a column that holds nothing at all, for which other programs choose a type of its own."""
+    return _Numbers(np.full((length, width), np.nan), np.ones(length, dtype=np.bool_))
 
 
 def _is_list(kind: pa.DataType) -> bool:
