@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from pipelines import baseline_command, looking
+from pipelines import baseline_command, data_commands, looking
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from pipelines.paper.commands import paper
 from roboscribe.errors import RoboScribeError
@@ -38,6 +38,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.add_typer(data_commands.demonstrations, name="demos")
 app.add_typer(paper, name="paper")
 console = Console(highlight=False)
 
@@ -76,7 +77,7 @@ def tasks() -> None:
     console.print(table)
 
 
-@app.command()
+@data_commands.demonstrations.command(data_commands.COLLECT)
 def demos(
     task: TaskName,
     out: Annotated[Path, typer.Option("--out", help="Parquet file to write")],
@@ -278,7 +279,8 @@ def ui(
     interface.serve(Home(home), port)
 
 
-app.registered_commands += [*baseline_command.app.registered_commands, *looking.app.registered_commands]
+for commands in (baseline_command, looking, data_commands):
+    app.registered_commands += commands.app.registered_commands
 
 
 def main() -> None:

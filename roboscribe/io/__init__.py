@@ -14,6 +14,7 @@ from roboscribe.io.atomic import (
     write_files,
 )
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
+from roboscribe.io.schema import metadata_for
 from roboscribe.io.validation import Screened, check_trajectory, consistent, screen
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ __all__ = [
     "check_trajectory",
     "consistent",
     "load_program",
+    "metadata_for",
     "package_versions",
     "parse_json",
     "read_demonstrations",

@@ -12,7 +12,8 @@ import hashlib
 import json
 import os
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -74,10 +75,38 @@ def write_files(files: Mapping[Path, bytes]) -> None:
         for path in dict.fromkeys(path.parent for path in files):
             _sync_directory(path)
     except OSError as error:
-        msg = f"{path}: could not be written ({error.strerror or error}); what stood there before is unchanged"
-        raise ArtifactError(msg) from error
+        raise _refused(path, error) from error
     finally:
         for item in staged:
+            item.hidden.unlink(missing_ok=True)
+            os.close(item.descriptor)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Give the path of a hidden, empty file to fill, and put it in the place of `path` when the block ends well.
+
+    For files that are too large to be held as bytes. The hidden file is locked: whoever opens it for writing must not
+    ask for a lock of its own.
+
+    Args:
+        path: target; its directory must exist.
+
+    Raises:
+        ArtifactError: the system refused; what was at `path` is still there.
+    """
+    remove_unfinished(path.parent)
+    item: _Staged | None = None
+    try:
+        item = _reserve(path)
+        yield item.hidden
+        os.fsync(item.descriptor)
+        os.replace(item.hidden, path)
+        _sync_directory(path.parent)
+    except OSError as error:
+        raise _refused(path, error) from error
+    finally:
+        if item is not None:
             item.hidden.unlink(missing_ok=True)
             os.close(item.descriptor)
 
@@ -144,6 +173,12 @@ def _installed(name: str) -> str | None:
         return version(name)
     except PackageNotFoundError:
         return None
+
+
+def _refused(path: Path, error: OSError) -> ArtifactError:
+    """Say that the system refused to write a file."""
+    msg = f"{path}: could not be written ({error.strerror or error}); what stood there before is unchanged"
+    return ArtifactError(msg)
 
 
 def _reserve(path: Path) -> _Staged:

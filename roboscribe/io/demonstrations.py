@@ -10,25 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
-import pyarrow as pa
-import pyarrow.parquet as pq
+import numpy as np
 from numpy.typing import ArrayLike
 
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.arrays import States, digest_of, trajectories_of
-from roboscribe.io.atomic import sha256_of_bytes, write_file
-from roboscribe.io.frames import decode, encode, index_of
-from roboscribe.io.schema import check_columns, check_metadata, describe, lengths_of, metadata_of, schema_of
-from roboscribe.io.seal import Seal, examine, sealed
-from roboscribe.io.validation import check_trajectory
+from roboscribe.io.atomic import sha256_of
+from roboscribe.io.episodes import Header, open_episodes, open_parquet, write_episodes
+from roboscribe.io.schema import metadata_of
 from roboscribe.world import Layout, Task, Trajectory
-
-_UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
-"""What pyarrow raises on bytes that are no Parquet."""
-_MOST_ROWS = 50_000_000
 
 
 @dataclass(frozen=True)
@@ -113,14 +105,10 @@ def write_demonstrations(
             found, expected = ", ".join(trajectory.layout.names), ", ".join(layout.names)
             msg = f"{path}: episode {episode}: found the layout of {found}, expected that of {expected}"
             raise DemonstrationError(msg)
-        check_trajectory(trajectory, episode=episode, source=str(path))
-    lengths = [len(trajectory) for trajectory in trajectories]
+    lengths = tuple(len(trajectory) for trajectory in trajectories)
     stored = any(trajectory.snapshots is not None for trajectory in trajectories)
-    metadata = describe(task_name, layout, frequency, generator=generator, seed=seed, lengths=lengths, snapshots=stored)
-    schema = schema_of(layout, metadata, snapshots=stored)
-    data = sealed(_parquet(schema, [encode(t, i, frequency, schema) for i, t in enumerate(trajectories) if len(t)]))
-    write_file(path, data)
-    return sha256_of_bytes(data)
+    header = Header(task_name, layout, frequency, generator, seed, lengths, stored)
+    return write_episodes(path, header, enumerate(trajectories))
 
 
 def read_demonstrations(path: Path, task: Task) -> Demonstrations:
@@ -137,14 +125,12 @@ def read_demonstrations(path: Path, task: Task) -> Demonstrations:
         DemonstrationError: damage, another task or version, a missing or malformed column, a number that cannot be
             right; the message names the file and, where known, episode, frame and column.
     """
-    if not path.is_file():
-        msg = f"{path}: no such file, expected demonstrations in Parquet"
-        raise DemonstrationError(msg)
-    try:
-        return _read(path.read_bytes(), str(path), task)
-    except _UNREADABLE as error:
-        msg = f"{path}: damaged, or not Parquet ({_first_line(error)}); nothing of it was used"
-        raise DemonstrationError(msg) from error
+    with open_episodes(path, task) as file:
+        filled = dict(file.trajectories())
+        count = max(len(file.header.lengths), max(filled, default=-1) + 1)
+        empty = Trajectory(task.layout, np.empty((0, task.layout.size)))
+        trajectories = tuple(filled.get(episode, empty) for episode in range(count))
+        return Demonstrations(trajectories, sha256_of(path), file.remarks)
 
 
 def task_of(path: Path) -> str:
@@ -153,86 +139,9 @@ def task_of(path: Path) -> str:
     Raises:
         DemonstrationError: damage, no file, or no task named.
     """
-    if not path.is_file():
-        msg = f"{path}: no such file, expected demonstrations in Parquet"
-        raise DemonstrationError(msg)
-    try:
-        name = metadata_of(pq.ParquetFile(path).metadata.metadata).get("task")
-    except _UNREADABLE as error:
-        msg = f"{path}: damaged, or not Parquet ({_first_line(error)}); nothing of it was used"
-        raise DemonstrationError(msg) from error
-    if not isinstance(name, str):
-        msg = f"{path}: names no task in its metadata; expected the entry task"
+    with open_parquet(path) as (_, file, _):
+        name = metadata_of(file.metadata.metadata).get("task")
+    if name is None:
+        msg = f"{path}: names no task in its metadata (roboscribe.task); name it with --task"
         raise DemonstrationError(msg)
     return name
-
-
-def _read(data: bytes, source: str, task: Task) -> Demonstrations:
-    """Read the bytes of a file."""
-    seal = examine(data)
-    if seal in (Seal.DAMAGED, Seal.BODY_DAMAGED):
-        raise DemonstrationError(_damage(data, source, seal))
-    file = _open(data)
-    metadata = metadata_of(file.metadata.metadata)
-    check_metadata(metadata, task, source)
-    unknown = check_columns(file.schema_arrow, task.layout, metadata, source)
-    if file.metadata.num_rows > _MOST_ROWS:
-        msg = f"{source}: found {file.metadata.num_rows} rows, expected at most {_MOST_ROWS}"
-        raise DemonstrationError(msg)
-    table = file.read()
-    declared = len(lengths_of(metadata)) if seal is Seal.INTACT else 0
-    index = index_of(table, task.frequency, source, declared=declared)
-    trajectories = decode(table, task.layout, task.action_size, index)
-    for episode, trajectory in enumerate(trajectories):
-        check_trajectory(trajectory, episode=episode, source=source, action_size=task.action_size)
-    return Demonstrations(trajectories, sha256_of_bytes(data), _remarks(seal, unknown, source))
-
-
-def _parquet(schema: pa.Schema, tables: Sequence[pa.Table]) -> bytes:
-    """Write tables as Parquet with page checksums, one row group each."""
-    buffer = BytesIO()
-    options = {"compression": "zstd", "use_dictionary": False, "write_statistics": False}
-    with pq.ParquetWriter(buffer, schema, write_page_checksum=True, **options) as writer:
-        for table in tables:
-            writer.write_table(table, row_group_size=len(table))
-    return buffer.getvalue()
-
-
-def _open(data: bytes) -> pq.ParquetFile:
-    """Open Parquet bytes; every page that is read is checked."""
-    return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
-
-
-def _damage(data: bytes, source: str, seal: Seal) -> str:
-    """Say what is known about damage: the episodes, when the footer can be trusted to lead to them."""
-    episodes = _damaged_episodes(data) if seal is Seal.BODY_DAMAGED else []
-    where = f" in episode {', '.join(map(str, episodes))}" if episodes else ""
-    return f"{source}: damaged{where} since it was written; nothing of it was used, restore or collect it again"
-
-
-def _damaged_episodes(data: bytes) -> list[int]:
-    """List the episodes whose pages fail their checksums."""
-    file = _open(data)
-    filled = [episode for episode, length in enumerate(lengths_of(metadata_of(file.metadata.metadata))) if length]
-    return [episode for group, episode in enumerate(filled) if not _readable(file, group)]
-
-
-def _readable(file: pq.ParquetFile, group: int) -> bool:
-    """Whether a row group can be read."""
-    try:
-        file.read_row_group(group)
-    except _UNREADABLE:
-        return False
-    return True
-
-
-def _remarks(seal: Seal, unknown: Sequence[str], source: str) -> tuple[str, ...]:
-    """Say what is odd about a file that could be read."""
-    unsealed = f"{source}: not sealed, another program wrote it; only page checksums guard it"
-    ignored = f"{source}: unknown column {', '.join(unknown)} ignored"
-    return tuple(line for line, odd in ((unsealed, seal is Seal.ABSENT), (ignored, unknown)) if odd)
-
-
-def _first_line(error: BaseException) -> str:
-    """Return the first line of an exception's text."""
-    return (str(error).splitlines() or [type(error).__name__])[0]

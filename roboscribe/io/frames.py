@@ -17,6 +17,8 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 _LISTS = pa.large_list(pa.float64())
 _MOST_EPISODES = 100_000
+IN_ORDER = f"ascending numbers from 0 to {_MOST_EPISODES - 1}, each episode in one piece"
+"""What the numbers of a file's episodes are to be."""
 _DRIFT = 0.5
 """Part of a control period by which a timestamp may be off before it belongs to another frame."""
 
@@ -78,15 +80,14 @@ def index_of(table: pa.Table, frequency: float, source: str, *, declared: int = 
     Raises:
         DemonstrationError: an episode in pieces, a frame out of order, a time that belongs to another frame.
     """
-    episode, frame = _integers(table, EPISODE, source), _integers(table, FRAME, source)
+    episode, frame = whole_numbers(table, EPISODE.name, source), whole_numbers(table, FRAME.name, source)
     index = Index(source, episode, frame, ())
     starts = np.flatnonzero(np.append(True, episode[1:] != episode[:-1])[: len(episode)])
     sizes = np.diff(np.append(starts, len(episode)))
     numbers, position = episode[starts], np.arange(len(episode)) - np.repeat(starts, sizes)
     broken = starts[(np.diff(numbers, prepend=-1) <= 0) | (numbers >= _MOST_EPISODES)]
     if broken.size:
-        expected = f"ascending numbers from 0 to {_MOST_EPISODES - 1}, each episode in one piece"
-        index.complain(int(broken[0]), EPISODE.name, f"out of order in row {broken[0]}, expected {expected}")
+        index.complain(int(broken[0]), EPISODE.name, f"out of order in row {broken[0]}, expected {IN_ORDER}")
     skipped = np.flatnonzero(frame != position)
     if skipped.size:
         index.complain(int(skipped[0]), FRAME.name, f"found {frame[skipped[0]]}, expected {position[skipped[0]]}")
@@ -97,6 +98,20 @@ def index_of(table: pa.Table, frequency: float, source: str, *, declared: int = 
     return Index(source, episode, frame, tuple(slices))
 
 
+def whole_numbers(table: pa.Table, name: str, source: str) -> IntArray:
+    """Read a column of whole numbers (n,).
+
+    Raises:
+        DemonstrationError: the column holds anything else.
+    """
+    column = table.column(name)
+    if not pa.types.is_integer(column.type) or column.null_count:
+        found = f"{column.type} with nulls" if column.null_count else column.type
+        msg = f"{source}: column {name}: found {found}, expected whole numbers without nulls"
+        raise DemonstrationError(msg)
+    return np.asarray(column.cast(pa.int64()).to_numpy())
+
+
 def decode(table: pa.Table, layout: Layout, action_size: int, index: Index) -> tuple[Trajectory, ...]:
     """Read every episode of a table.
 
@@ -105,13 +120,12 @@ def decode(table: pa.Table, layout: Layout, action_size: int, index: Index) -> t
     """
     states = np.full((len(index.episode), layout.size), np.nan)
     for column in columns_of(layout):
-        states[:, column.place] = _attribute(table, column, index)
-    actions = _lists(table, ACTION.name, index, action_size)
-    stored = SNAPSHOT.name in table.column_names
-    snapshots = _lists(table, SNAPSHOT.name, index, None) if stored else None
+        states[:, column.place] = attribute_values(table, column, index)
+    actions = action_values(table, index, action_size)
+    snapshots = snapshot_values(table, index)
     return tuple(
-        Trajectory(layout, states[rows], _actions(actions, rows, index), _snapshots(snapshots, rows, index))
-        for rows in index.slices
+        Trajectory(layout, states[rows], done, saved)
+        for rows, done, saved in zip(index.slices, actions, snapshots, strict=True)
     )
 
 
@@ -127,16 +141,6 @@ def _array(values: FloatArray | None, length: int, kind: pa.DataType) -> pa.Arra
     return pa.concat_arrays([lists, pa.nulls(length - len(values), kind)])
 
 
-def _integers(table: pa.Table, field: pa.Field, source: str) -> IntArray:
-    """Read a column of whole numbers (n,)."""
-    column = table.column(field.name)
-    if not pa.types.is_integer(column.type) or column.null_count:
-        found = f"{column.type} with {column.null_count} nulls"
-        msg = f"{source}: column {field.name}: found {found}, expected whole numbers without nulls"
-        raise DemonstrationError(msg)
-    return np.asarray(column.cast(pa.int64()).to_numpy())
-
-
 def _check_times(table: pa.Table, index: Index, start: IntArray, frequency: float) -> None:
     """Refuse timestamps that do not belong to their frame; `start` is the first row of each row's episode."""
     times = _scalars(table, TIMESTAMP.name, index).values[:, 0]
@@ -148,8 +152,12 @@ def _check_times(table: pa.Table, index: Index, start: IntArray, frequency: floa
         index.complain(row, TIMESTAMP.name, what)
 
 
-def _attribute(table: pa.Table, column: Column, index: Index) -> FloatArray:
-    """Read one attribute (n, w); null only for whole episodes."""
+def attribute_values(table: pa.Table, column: Column, index: Index) -> FloatArray:
+    """Read one attribute (n, w); null only for whole episodes.
+
+    Raises:
+        DemonstrationError: as `decode` has it.
+    """
     width = column.attribute.width
     numbers = _scalars(table, column.name, index) if width == 1 else _lists(table, column.name, index, width)
     wrong = ~np.isfinite(numbers.values) & ~numbers.null[:, None]
@@ -162,6 +170,27 @@ def _attribute(table: pa.Table, column: Column, index: Index) -> FloatArray:
             row = rows.start + int(numbers.null[rows].argmax())
             index.complain(row, column.name, "found no value, expected one as in the episode's other frames")
     return numbers.values
+
+
+def action_values(table: pa.Table, index: Index, action_size: int) -> list[FloatArray | None]:
+    """Read the actions of every episode.
+
+    Raises:
+        DemonstrationError: as `decode` has it.
+    """
+    numbers = _lists(table, ACTION.name, index, action_size)
+    return [_actions(numbers, rows, index) for rows in index.slices]
+
+
+def snapshot_values(table: pa.Table, index: Index) -> list[FloatArray | None]:
+    """Read the simulator states of every episode.
+
+    Raises:
+        DemonstrationError: as `decode` has it.
+    """
+    stored = SNAPSHOT.name in table.column_names
+    numbers = _lists(table, SNAPSHOT.name, index, None) if stored else None
+    return [_snapshots(numbers, rows, index) for rows in index.slices]
 
 
 def _actions(numbers: _Numbers, rows: slice, index: Index) -> FloatArray | None:
@@ -195,6 +224,8 @@ def _uniform(flags: BoolArray) -> bool:
 def _scalars(table: pa.Table, name: str, index: Index) -> _Numbers:
     """Read a column of floating-point numbers (n, 1)."""
     column = table.column(name)
+    if pa.types.is_null(column.type):
+        return _nothing(len(column), 1)
     if not pa.types.is_floating(column.type):
         _wrong_type(index.source, name, column.type, "floating-point numbers")
     null = np.asarray(column.is_null().to_numpy())
@@ -205,6 +236,8 @@ def _scalars(table: pa.Table, name: str, index: Index) -> _Numbers:
 def _lists(table: pa.Table, name: str, index: Index, width: int | None) -> _Numbers:
     """Read a column of lists of floating-point numbers, all of one width (of any, when None)."""
     column = table.column(name)
+    if pa.types.is_null(column.type):
+        return _nothing(len(column), width or 0)
     kind, expected = column.type, f"lists of {width or 'equally many'} floating-point numbers"
     if not _is_list(kind) or not pa.types.is_floating(kind.value_type):
         _wrong_type(index.source, name, kind, expected)
@@ -217,8 +250,13 @@ def _lists(table: pa.Table, name: str, index: Index, width: int | None) -> _Numb
         row = int(np.flatnonzero(~null)[odd[0]])
         index.complain(row, name, f"found a list of {sizes[odd[0]]}, expected {expected}")
     values = np.full((len(array), wanted), np.nan)
-    values[~null] = np.asarray(array.flatten().fill_null(np.nan)).reshape(-1, wanted)
+    values[~null] = np.asarray(array.flatten().fill_null(np.nan)).reshape(len(sizes), wanted)
     return _Numbers(values, null)
+
+
+def _nothing(length: int, width: int) -> _Numbers:
+    """Read a column that holds nothing at all, for which other programs choose a type of its own."""
+    return _Numbers(np.full((length, width), np.nan), np.ones(length, dtype=np.bool_))
 
 
 def _is_list(kind: pa.DataType) -> bool:

@@ -6,7 +6,7 @@ from Parquet, and goals and actions may be null.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isclose
 from typing import NoReturn
 
@@ -81,24 +81,45 @@ def lengths_of(metadata: Mapping[str, str]) -> list[int]:
     return [n for n in value if isinstance(n, int)] if isinstance(value, list) else []
 
 
+def metadata_for(task: Task, *, snapshots: bool = False) -> dict[str, str]:
+    """Return the key-value metadata that a file of demonstrations of a task must have, whoever writes it.
+
+    Args:
+        task: what the demonstrations show.
+        snapshots: whether there is a column of simulator states.
+    """
+    texts = {"schema_version": VERSION, "task": task.name, "frequency": repr(float(task.frequency))}
+    texts |= {"objects": canonical_json(_objects(task.layout))} | ({"snapshots": "true"} if snapshots else {})
+    return {_PREFIX + key: text for key, text in texts.items()}
+
+
 def check_metadata(metadata: Mapping[str, str], task: Task, source: str) -> None:
     """Refuse a file of another schema version, task, frequency or set of objects.
 
     Raises:
         DemonstrationError: with what was found and what was expected.
     """
+    for problem in metadata_problems(metadata, task):
+        _refuse(source, problem)
+
+
+def metadata_problems(metadata: Mapping[str, str], task: Task) -> Iterator[str]:
+    """Say of each entry of a file's metadata that is not as the task wants it what was found and expected."""
     for key, expected in (("schema_version", VERSION), ("task", task.name)):
         found = metadata.get(key)
         if found != expected:
-            _complain(source, f"metadata {_PREFIX}{key}", found, expected)
+            yield _problem(f"metadata {_PREFIX}{key}", found, expected)
     frequency = metadata.get("frequency", "")
     if not isclose(_number(frequency), task.frequency, rel_tol=1e-9):
-        _complain(source, f"metadata {_PREFIX}frequency", frequency, f"{task.frequency!r} frames per second")
-    found_objects, expected_objects = _parsed_objects(metadata, source), _objects(task.layout)
+        yield _problem(f"metadata {_PREFIX}frequency", frequency, f"{task.frequency!r} frames per second")
+    found_objects, expected_objects = _parsed_objects(metadata), _objects(task.layout)
+    if found_objects is None:
+        yield _problem(f"metadata {_PREFIX}objects", metadata.get("objects"), "a JSON object")
+        return
     for name in dict.fromkeys((*expected_objects, *found_objects)):
         stated, wanted = found_objects.get(name), expected_objects.get(name)
         if stated != wanted:
-            _complain(source, f"object {name}", _spelled(stated), _spelled(wanted))
+            yield _problem(f"object {name}", _spelled(stated), _spelled(wanted))
 
 
 def check_columns(schema: pa.Schema, layout: Layout, metadata: Mapping[str, str], source: str) -> tuple[str, ...]:
@@ -116,20 +137,27 @@ def check_columns(schema: pa.Schema, layout: Layout, metadata: Mapping[str, str]
     Raises:
         DemonstrationError: with what was found and what was expected.
     """
+    for problem in column_problems(schema, layout, metadata):
+        _refuse(source, problem)
+    expected = schema_of(layout, {}, snapshots=True)
+    return tuple(name for name in schema.names if name not in expected.names)
+
+
+def column_problems(schema: pa.Schema, layout: Layout, metadata: Mapping[str, str]) -> Iterator[str]:
+    """Say which columns a file lacks, has twice, or states another unit for."""
     expected = schema_of(layout, {}, snapshots=True)
     optional = {SNAPSHOT.name} if metadata.get("snapshots") != "true" else set()
     lacking = [name for name in expected.names if name not in schema.names and name not in optional]
     if lacking:
-        _complain(source, f"missing column {', '.join(lacking)}", ", ".join(schema.names), ", ".join(expected.names))
+        yield _problem(f"missing column {', '.join(lacking)}", ", ".join(schema.names), ", ".join(expected.names))
     repeated = [name for name in expected.names if schema.names.count(name) > 1]
-    if repeated:
-        _complain(source, f"column {repeated[0]}", "it more than once", "it once")
+    for name in repeated:
+        yield _problem(f"column {name}", "it more than once", "it once")
     for field in expected:
-        wanted = _unit(field)
-        stated = _unit(schema.field(field.name)) if field.name in schema.names else None
+        present = field.name in schema.names and field.name not in repeated
+        wanted, stated = _unit(field), _unit(schema.field(field.name)) if present else None
         if stated not in (None, wanted):
-            _complain(source, f"column {field.name}: unit", stated, wanted)
-    return tuple(name for name in schema.names if name not in expected.names)
+            yield _problem(f"column {field.name}: unit", stated, wanted)
 
 
 def _unit(field: pa.Field) -> str | None:
@@ -154,16 +182,13 @@ def _described(kind: ObjectType) -> Json:
     return {"type": kind.name, "attributes": attributes, "goal": goal}
 
 
-def _parsed_objects(metadata: Mapping[str, str], source: str) -> Mapping[str, Json]:
-    """Read the description of a file's objects."""
-    text = metadata.get("objects")
+def _parsed_objects(metadata: Mapping[str, str]) -> Mapping[str, Json] | None:
+    """Read the description of a file's objects; None where there is none."""
     try:
-        value = parse_json(text or "")
+        value = parse_json(metadata.get("objects", ""))
     except ValueError:
-        value = None
-    if not isinstance(value, dict):
-        _complain(source, f"metadata {_PREFIX}objects", text, "a JSON object")
-    return value
+        return None
+    return value if isinstance(value, dict) else None
 
 
 def _number(text: str) -> float:
@@ -179,7 +204,12 @@ def _spelled(value: Json) -> str | None:
     return None if value is None else canonical_json(value)
 
 
-def _complain(source: str, what: str, found: str | None, expected: str | None) -> NoReturn:
+def _problem(what: str, found: str | None, expected: str | None) -> str:
+    """Word a problem."""
+    return f"{what}: found {found or 'none'}, expected {expected or 'none'}"
+
+
+def _refuse(source: str, problem: str) -> NoReturn:
     """Raise the one error of this module."""
-    msg = f"{source}: {what}: found {found or 'none'}, expected {expected or 'none'}"
+    msg = f"{source}: {problem}"
     raise DemonstrationError(msg)

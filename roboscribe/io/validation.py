@@ -111,15 +111,24 @@ def check_trajectory(trajectory: Trajectory, *, episode: int, source: str, actio
     where = f"{source}: episode {episode}"
     _check_shapes(trajectory, where, action_size)
     for column in columns_of(trajectory.layout):
-        values = trajectory.states[:, column.place]
-        if column.of_entity and missing(trajectory.states, column).all():
-            continue
-        _refuse(~np.isfinite(values), values, column, where, "a finite number")
-        _check_range(values, column, where)
-        if column.attribute.unit == "quaternion":
-            _check_norm(values, column, where)
+        check_column(trajectory.states, column, where)
     if trajectory.actions is not None:
-        _check_actions(trajectory.actions, where)
+        check_actions(trajectory.actions, where)
+
+
+def check_column(states: FloatArray, column: Column, where: str) -> None:
+    """Refuse numbers of one column of an episode's states (T + 1, F) that cannot be right; `where` is for messages.
+
+    Raises:
+        DemonstrationError: as `check_trajectory` has it.
+    """
+    if column.of_entity and missing(states, column).all():
+        return
+    values = states[:, column.place]
+    _refuse(~np.isfinite(values), values, column, where, "a finite number")
+    _check_range(values, column, where)
+    if column.attribute.unit == "quaternion":
+        _check_norm(values, column, where)
 
 
 def _duplicates(trajectories: Sequence[Trajectory], usable: Sequence[int]) -> dict[int, str]:
@@ -195,8 +204,12 @@ def _check_norm(values: FloatArray, column: Column, where: str) -> None:
         _complain(f"{where}, frame {frame}, column {column.name}", f"found norm {norms[frame]:g}, expected 1")
 
 
-def _check_actions(actions: FloatArray, where: str) -> None:
-    """Refuse actions that are no numbers in [-1, 1]."""
+def check_actions(actions: FloatArray, where: str) -> None:
+    """Refuse actions (T, A) that are no numbers in [-1, 1]; `where` is for messages.
+
+    Raises:
+        DemonstrationError: as `check_trajectory` has it.
+    """
     wrong = ~(np.abs(actions) <= 1.0)
     if wrong.any():
         frame, index = np.argwhere(wrong)[0]

@@ -169,11 +169,11 @@ def in_unit(column: str, unit: str) -> Change:
         ),
         (
             lambda t: replaced(t, "episode_index", [0.0] * 60, pa.float64()),
-            r"column episode_index: found double .* expected whole",
+            r"column episode_index: found double, expected whole",
         ),
         (
             lambda t: replaced(t, "frame_index", [None] * 60),
-            r"column frame_index: found int64 with 60 nulls, expected whole",
+            r"column frame_index: found int64 with nulls, expected whole",
         ),
         (
             lambda t: mapped(t, "b1.position", lambda i, v: v[:2] if i == ROW else v),
