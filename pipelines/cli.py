@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
@@ -18,6 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 from pipelines import baseline_command, looking
+from pipelines.interrupts import INTERRUPTED, Interrupts
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.errors import RoboScribeError
 
@@ -28,7 +27,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-SOLVED, BAD_INPUT, FAIL, INTERRUPTED = 0, 2, 3, 130
+SOLVED, BAD_INPUT, FAIL = 0, 2, 3
+RESUMED = ("synthesize", "paper")
+"""Commands that go on where they were interrupted."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""
 
@@ -322,7 +323,8 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
-    signal.signal(signal.SIGTERM, _terminate)
+    goes_on = sys.argv[1:2] and sys.argv[1] in RESUMED
+    interrupts = Interrupts("interrupted" + "; the same command goes on from here" * bool(goes_on))
     try:
         code = app(standalone_mode=False)
     except typer.exceptions.TyperException as error:
@@ -330,7 +332,8 @@ def main() -> None:
     except (RoboScribeError, OSError) as error:
         code = _refuse(str(error))
     if code == INTERRUPTED:
-        sys.stderr.write("interrupted; the same command goes on from here\n")
+        sys.stdout.flush()
+        interrupts.end()
     sys.exit(code)
 
 
@@ -339,11 +342,6 @@ def _refuse(message: str) -> int:
     if message:
         sys.stderr.write(f"error: {message}\n")
     return BAD_INPUT
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """End as an interrupt does: checkpoints are kept and the run is marked as killed."""
-    raise KeyboardInterrupt
 
 
 def _goals(entities: Sequence[ObjectType]) -> list[str]:

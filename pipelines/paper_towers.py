@@ -16,7 +16,7 @@ from rich.console import Console
 from pipelines.bar import Bar
 from pipelines.chain import Plan
 from pipelines.home import Home
-from pipelines.prefect_settings import quiet_prefect
+from pipelines.prefect_server import prefect_server
 from pipelines.programs import program_directory, spell_success
 from pipelines.session import Engine, Session
 from pipelines.story import Story
@@ -205,10 +205,10 @@ class TowersSession:
                 for number in range(len(cells)):
                     measure(number)
             elif cells:
-                quiet_prefect(self.home.data / "prefect")
-                from pipelines.measuring import measure_with_prefect
+                with prefect_server(self.home.data / "prefect") as server:
+                    from pipelines.measuring import measure_with_prefect
 
-                measure_with_prefect(TITLE, [str(cell) for cell in cells], measure)
+                    measure_with_prefect(TITLE, [str(cell) for cell in cells], measure, server)
         return measured
 
     def _report(

@@ -10,10 +10,10 @@ from time import perf_counter
 from typing import Literal, TypeAlias, assert_never
 
 from pipelines.audience import Audience
-from pipelines.chain import Plan, Synthesized, chain, command, program_name
+from pipelines.chain import Plan, Synthesized, chain, command, program_name, show
 from pipelines.checkout import checkout_commit
 from pipelines.home import Home
-from pipelines.prefect_settings import quiet_prefect
+from pipelines.prefect_server import prefect_server
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
@@ -113,8 +113,9 @@ class Session:
                 found = self._synthesize(audience, (tally.listen, tracker.listen, chronicle.listen), tracker)
                 result = found if isinstance(found, Fail) else self._result(found, tally, commit)
             except BaseException as error:
-                tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
-                tracker.close(timeout=30.0)
+                killed = isinstance(error, KeyboardInterrupt | SystemExit)
+                tracker.status("KILLED" if killed else "FAILED")
+                tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
             seconds = round(perf_counter() - start, 3)
             chronicle.end(
@@ -162,10 +163,11 @@ class Session:
 
         if self.engine == "local":
             return chain(self.plan, call, store.put, tell)
-        quiet_prefect(self.home.data / "prefect")
-        from pipelines.synthesis import synthesize_with_prefect
+        with prefect_server(self.home.data / "prefect") as server:
+            from pipelines.synthesis import synthesize_with_prefect
 
-        return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell)
+            show(self.plan, call)  # while the server starts; the flow then finds the stage done
+            return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
 
     def _result(self, found: Synthesized, tally: Tally, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""

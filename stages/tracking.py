@@ -108,6 +108,11 @@ class Tracker:
                 log.warning("the tracking store %s is behind; the journal %s is kept", self.mlruns, self._journal.path)
         return run_id_of(self.directory)
 
+    def leave(self) -> None:
+        """Let the copying process finish by itself; someone waits for this one to end."""
+        if self._follower is not None and self._follower.stdin is not None:
+            self._follower.stdin.close()
+
     def status(self, value: str) -> None:
         """Journal how the run stands: RUNNING, FINISHED, FAILED or KILLED."""
         self._note(PARENT, "status", value, value, self.attempt)
