@@ -152,7 +152,8 @@ def synthesize(
     if float(str(result["ci_high"])) < success:
         _say(f"this is the best program found, below the {success:.0%} asked for")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
-    _say(f"program {result['program_dir']}\nMLflow run {result['mlflow_run_id']}")
+    _say(f"program {result['program_dir']}")
+    _say(f"MLflow run {result['mlflow_run_id'] or 'not there yet; `roboscribe ui` brings it up to date'}")
     _write(json, result)
 
 

@@ -37,7 +37,7 @@ from stages.events import (
 from stages.progress import Progress
 from stages.settings import encode
 from stages.store import AnyStage, Inputs, Store, locked
-from stages.tracking import Tracker
+from stages.tracking import SECONDS, Tracker
 from stages.values import tree_to_json
 
 FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_steps", "refinements")
@@ -117,7 +117,7 @@ class Session:
                 tracker.status("KILLED" if killed else "FAILED")
                 tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
-            seconds = round(perf_counter() - start, 3)
+            seconds = round(tracker.seconds(perf_counter() - start), 3)
             chronicle.end(
                 {"reason": result.reason} if isinstance(result, Fail) else {**result, "wall_seconds": seconds}
             )
@@ -126,7 +126,8 @@ class Session:
                 tracker.status("FAILED")
                 tracker.close()
                 return result
-            tracker.result({**{name: float(str(result[name])) for name in FIGURES}, "wall_seconds": seconds})
+            figures = {name: float(str(result[name])) for name in FIGURES}
+            tracker.result({**figures, SECONDS: seconds}, tally.env_steps)
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 

@@ -30,7 +30,7 @@ def follow(directory: Path, mlruns: Path) -> int:
     identity: list[int] = []
     while True:
         last = ended_at is not None
-        if copier is not None and store_identity(mlruns) != identity:
+        if identity and store_identity(mlruns) != identity:
             os.execv(sys.executable, [sys.executable, "-m", "stages.follow", str(directory), str(mlruns)])
         try:
             if copier is None:
@@ -44,6 +44,7 @@ def follow(directory: Path, mlruns: Path) -> int:
                 return 0
         except unreachable() as error:
             log.warning("the tracking store cannot be reached: %s", str(error).splitlines()[0])
+            copier = None  # what it knows of the store may be over: an experiment that was deleted, for instance
             if ended_at is not None and time.monotonic() - ended_at > PATIENCE:
                 return 1
         if ended_at is None and _ended(PERIOD):

@@ -37,6 +37,8 @@ DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
 ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
 ENDED = ("FINISHED", "FAILED", "KILLED")
+ACTIVE = "active"
+"""What MLflow says of runs and experiments that were not deleted."""
 BATCH = 1000
 _NEW = ".new-"
 """How directories begin in which a database is being created."""
@@ -96,8 +98,31 @@ class Copier:
     def __post_init__(self) -> None:
         """Go on where the last copier stopped, or from the start where the store is another one."""
         state = _state(self.directory)
-        if state.get("store") == store_identity(self.mlruns):
+        if state.get("store") == store_identity(self.mlruns) and all(map(self._there, state["runs"].values())):
             self._runs, self._offset = dict(state["runs"]), int(state["offset"])
+
+    def _there(self, run_id: str) -> bool:
+        """Whether the store still has a run; deleted ones are restored, those that were purged are not there."""
+        from mlflow.exceptions import MlflowException
+
+        try:
+            info = self.client.get_run(run_id).info
+            if info.lifecycle_stage != ACTIVE:
+                self._restored(info.experiment_id)
+                self.client.restore_run(run_id)
+        except MlflowException as error:
+            if error.error_code == "RESOURCE_DOES_NOT_EXIST":
+                return False
+            raise
+        return True
+
+    def _restored(self, experiment_id: str) -> str:
+        """Return an experiment; where it was deleted it is restored, for its name is taken for ever."""
+        experiment = self.client.get_experiment(experiment_id)
+        if experiment.lifecycle_stage != ACTIVE:
+            self.client.restore_experiment(experiment_id)
+            log.warning("experiment %s had been deleted in MLflow; it is restored", experiment.name)
+        return experiment_id
 
     def copy(self) -> None:
         """Copy what is new.
@@ -226,7 +251,7 @@ class Copier:
         with _locked(self.mlruns):
             found = self.client.get_experiment_by_name(name)
             if found is not None:
-                return str(found.experiment_id)
+                return self._restored(str(found.experiment_id))
             place = (self.mlruns / ARTIFACTS).resolve().as_uri()
             return str(self.client.create_experiment(name, artifact_location=f"{place}/{_plain(name)}"))
 
@@ -245,10 +270,13 @@ def unreachable() -> tuple[type[Exception], ...]:
 
 
 def synchronise(runs: Path, mlruns: Path) -> None:
-    """Bring the store up to date with every run that is not at work now."""
+    """Bring the store up to date with every run that is not at work now; one that cannot be copied is named."""
     ensure_store(mlruns)
     for directory in sorted(path.parent for path in runs.glob(f"*/{JOURNAL}")):
-        open_copier(directory, mlruns).copy()
+        try:
+            open_copier(directory, mlruns).copy()
+        except unreachable() as error:
+            log.warning("%s cannot be copied into MLflow: %s", directory, str(error).splitlines()[0])
 
 
 def open_copier(directory: Path, mlruns: Path) -> Copier:
