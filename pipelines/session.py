@@ -144,7 +144,8 @@ class Session:
             msg = f"{given}: cannot be read ({error.strerror}), expected demonstrations in Parquet"
             raise DemonstrationError(msg) from error
         plan = encode(replace(self.plan, demonstrations=None))
-        text = canonical_json({"plan": plan, "demonstrations": digest, "code": [code_version(name) for name in STAGES]})
+        code = [*map(code_version, STAGES), self.plan.task.code()]
+        text = canonical_json({"plan": plan, "demonstrations": digest, "code": code})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _synthesize(self, audience: Audience, listeners: tuple[Listener, ...], tracker: Tracker) -> Synthesized | Fail:
