@@ -119,7 +119,7 @@ def synthesize(
     out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
     json: JsonFile = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
-    budget: Annotated[int | None, typer.Option(min=1, help="control steps of learning per skill")] = None,
+    budget: Annotated[int | None, typer.Option(min=1, help="control steps per training of a skill")] = None,
     success: Annotated[float, typer.Option(min=0.0, max=1.0, help="success rate that is good enough")] = 0.97,
     contact: Contact = "stable",
     timing: Timing = "fast",

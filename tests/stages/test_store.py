@@ -75,7 +75,6 @@ def test_settings_and_contents_of_inputs_decide(tmp_path: Path, number: dict[str
 
 def test_code_that_settings_name_decides(tmp_path: Path, number: dict[str, Path]) -> None:
     """A task's code may lie anywhere; what was computed with other code is stale."""
-
     version = ["1"]
 
     @dataclass(frozen=True)
