@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
@@ -324,6 +325,9 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # terminals that cannot show μ are told so
     goes_on = sys.argv[1:2] and sys.argv[1] in RESUMED
     interrupts = Interrupts("interrupted" + "; the same command goes on from here" * bool(goes_on))
     try:

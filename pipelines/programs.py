@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ from typing import Any
 from roboscribe.errors import ArtifactError
 from roboscribe.io import saved_program
 from roboscribe.io.atomic import Json
-from roboscribe.io.saved_program import MANIFEST, load_program
+from roboscribe.io.saved_program import MANIFEST, PROGRAM, load_program
 from stages import evaluate
 from stages.grounded import Grounded, failures
 from stages.progress import Report, silent
@@ -23,6 +24,7 @@ from stages.world import TaskConfig
 
 TRAINED = Path(saved_program.__file__).resolve().parent.parent / "trained"
 """Where the programs lie that are shipped with the package, each in a directory of its task's name."""
+log = logging.getLogger(__name__)
 _RUN_ID = re.compile(r"[0-9a-f]{32}")
 
 
@@ -131,6 +133,8 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
         TaskError: there is no such task or option.
     """
     saved = load_program(directory)
+    if saved.edited:
+        log.warning("%s was edited since the program was saved", directory / PROGRAM)
     where = TaskConfig(str(saved.manifest["task"]) if task is None else task, contact, timing)
     return open_saved(saved, where.make(), str(directory)), where
 

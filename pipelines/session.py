@@ -188,7 +188,7 @@ class Session:
             "refinements": len(found.solution.refinements),
             "env_steps": tally.env_steps,
             "evaluation_steps": figures["control_steps"],
-            "program": (found.directory / PROGRAM).read_text(),
+            "program": (found.directory / PROGRAM).read_text(encoding="utf-8"),
             "tree": tree_to_json(found.solution.tree),
             "program_dir": str(out.resolve()),
         }

@@ -15,8 +15,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
-from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
+from roboscribe.io.atomic import Json, canonical_json, indented_json, parse_json, write_file
 from stages.journal import Record, read_records
 
 if TYPE_CHECKING:
@@ -136,8 +137,8 @@ class Copier:
             self._apply([record for _, record in found])
             self._offset = found[-1][0]
             place: list[Json] = list(store_identity(self.mlruns))
-            state: Json = {"store": place, "runs": dict(self._runs), "offset": self._offset}
-            write_file(self.directory / STATE, indented_json(state).encode())
+            state: dict[str, Json] = {"store": place, "runs": dict(self._runs), "offset": self._offset}
+            write_file(self.directory / STATE, indented_json({**state, "sum": _sum(state)}).encode())
 
     def mark_killed(self) -> None:
         """Mark the run as killed where its last word is that it runs."""
@@ -314,12 +315,18 @@ def run_id_of(directory: Path) -> str | None:
 
 
 def _state(directory: Path) -> dict[str, Any]:
-    """Read how far a journal is copied."""
+    """Read how far a journal is copied; nothing where that is not known, and copying again changes nothing."""
     try:
-        state = parse_json((directory / STATE).read_text())
-    except FileNotFoundError:
-        state = {}
-    return dict(state) if isinstance(state, Mapping) else {}
+        state = parse_json((directory / STATE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    told = {name: value for name, value in state.items() if name != "sum"} if isinstance(state, Mapping) else {}
+    return told if isinstance(state, Mapping) and state.get("sum") == _sum(told) else {}
+
+
+def _sum(state: Mapping[str, Json]) -> str:
+    """Return a checksum."""
+    return f"{crc32(canonical_json(state).encode()):08x}"
 
 
 def _whole(value: Json) -> int:

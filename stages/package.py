@@ -66,7 +66,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         "figures": read_json(inputs["outcome"]),
     }
     tree = tree_to_json(read_tree(inputs["tree"]))
-    saved = SavedProgram(inputs["program"].read_text(), tree, weights, descriptions, manifest)
+    saved = SavedProgram(inputs["program"].read_text(encoding="utf-8"), tree, weights, descriptions, manifest)
     save_program(out / DIRECTORY, saved)
 
 

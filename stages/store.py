@@ -129,7 +129,7 @@ class Store:
 def manifest_of(out: Path) -> Mapping[str, Json] | None:
     """Read the manifest of a stage's outputs; None where there is none that can be read."""
     try:
-        value = parse_json((out / MANIFEST).read_text())
+        value = parse_json((out / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return value if isinstance(value, Mapping) else None
