@@ -3,7 +3,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS ?= 1
 export GIT_PYTHON_REFRESH ?= quiet
 
-.PHONY: install run test lint slow-test bench clean
+.PHONY: install run test lint slow-test bench torture clean
 
 install: .venv/installed
 
@@ -28,6 +28,9 @@ slow-test: install
 
 bench: install
 	$(BIN)/python -m tests.benchmarks
+
+torture: install
+	$(BIN)/python -m tests.torture
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis build *.egg-info

@@ -14,7 +14,7 @@ from pipelines.audience import Audience
 from pipelines.chain import Plan, demonstrations
 from pipelines.checkout import checkout_commit
 from pipelines.home import Home
-from pipelines.prefect_settings import quiet_prefect
+from pipelines.prefect_server import prefect_server
 from pipelines.session import Engine, publish
 from roboscribe.baselines.config import RECIPES, BaselineConfig, Method
 from roboscribe.errors import DemonstrationError, Fail, TaskError
@@ -197,13 +197,14 @@ class BaselineSession:
                 tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
                 tracker.close(timeout=30.0)
                 raise
-            seconds = round(perf_counter() - start, 3)
+            seconds = round(tracker.seconds(perf_counter() - start), 3)
             if isinstance(result, Fail):
                 tracker.status("FAILED")
                 tracker.close()
                 return result
             tracker.keep(Path(str(result["program_dir"])))
-            tracker.result({**{name: float(str(result[name])) for name in TRACKED}, "wall_seconds": seconds})
+            figures = {name: float(str(result[name])) for name in TRACKED}
+            tracker.result({**figures, "wall_seconds": seconds}, int(str(result["env_steps"])))
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
@@ -229,10 +230,10 @@ class BaselineSession:
             for step in steps.values():
                 step()
             return work
-        quiet_prefect(self.home.data / "prefect")
-        from pipelines.measuring import measure_with_prefect
+        with prefect_server(self.home.data / "prefect") as server:
+            from pipelines.measuring import measure_with_prefect
 
-        measure_with_prefect(self.plan.title, list(steps), lambda number: list(steps.values())[number]())
+            measure_with_prefect(self.plan.title, list(steps), lambda number: list(steps.values())[number](), server)
         return work
 
     def _result(self, work: Work, commit: str) -> dict[str, Json]:

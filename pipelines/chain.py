@@ -127,15 +127,25 @@ def command(plan: Plan, profile: str | None) -> str:
     return shlex.join(words)
 
 
-def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
-    """Return the file of usable demonstrations and what is said about it."""
+def show(plan: Plan, call: Call) -> Path:
+    """Return the file of demonstrations, given or collected.
+
+    Raises:
+        DemonstrationError: the file that is named is not there.
+    """
     given = plan.demonstrations
     if given is None:
         config = collect.Config(plan.task, plan.shown, plan.seed)
-        given = call("collect demonstrations", collect.STAGE, config, {}) / DEMONSTRATIONS
-    elif not given.is_file():
+        return call("collect demonstrations", collect.STAGE, config, {}) / DEMONSTRATIONS
+    if not given.is_file():
         msg = f"{given}: no such file, expected demonstrations in Parquet"
         raise DemonstrationError(msg)
+    return given
+
+
+def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
+    """Return the file of usable demonstrations and what is said about it."""
+    given = show(plan, call)
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
     fail = read_fail(out)
     return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
+from io import TextIOWrapper
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,6 +17,7 @@ from rich.console import Console
 from rich.text import Text
 
 from pipelines import baseline_command, data_commands, looking
+from pipelines.interrupts import INTERRUPTED, Interrupts
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from pipelines.paper.commands import paper
 from roboscribe.errors import RoboScribeError
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from roboscribe.world.layout import ObjectType
     from stages.progress import Report
 
-SOLVED, BAD_INPUT, FAIL, INTERRUPTED = 0, 2, 3, 130
+SOLVED, BAD_INPUT, FAIL = 0, 2, 3
+RESUMED = ("synthesize", "paper")
+"""Commands that go on where they were interrupted."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""
 
@@ -109,7 +111,7 @@ def synthesize(
     out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
     json: JsonFile = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
-    budget: Annotated[int | None, typer.Option(min=1, help="control steps of learning per skill")] = None,
+    budget: Annotated[int | None, typer.Option(min=1, help="control steps per training of a skill")] = None,
     success: Annotated[float, typer.Option(min=0.0, max=1.0, help="success rate that is good enough")] = 0.97,
     contact: Contact = "stable",
     timing: Timing = "fast",
@@ -141,7 +143,8 @@ def synthesize(
     if float(str(result["ci_high"])) < success:
         _say(f"this is the best program found, below the {success:.0%} asked for")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
-    _say(f"program {result['program_dir']}\nMLflow run {result['mlflow_run_id']}")
+    _say(f"program {result['program_dir']}")
+    _say(f"MLflow run {result['mlflow_run_id'] or 'not there yet; `roboscribe ui` brings it up to date'}")
     _write(json, result)
 
 
@@ -289,7 +292,11 @@ def main() -> None:
     for name in THREADS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
-    signal.signal(signal.SIGTERM, _terminate)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # terminals that cannot show μ are told so
+    goes_on = sys.argv[1:2] and sys.argv[1] in RESUMED
+    interrupts = Interrupts("interrupted" + "; the same command goes on from here" * bool(goes_on))
     try:
         code = app(standalone_mode=False)
     except typer.exceptions.TyperException as error:
@@ -297,7 +304,8 @@ def main() -> None:
     except (RoboScribeError, OSError) as error:
         code = _refuse(str(error))
     if code == INTERRUPTED:
-        sys.stderr.write("interrupted; the same command goes on from here\n")
+        sys.stdout.flush()
+        interrupts.end()
     sys.exit(code)
 
 
@@ -306,11 +314,6 @@ def _refuse(message: str) -> int:
     if message:
         sys.stderr.write(f"error: {message}\n")
     return BAD_INPUT
-
-
-def _terminate(number: int, frame: FrameType | None) -> None:
-    """End as an interrupt does: checkpoints are kept and the run is marked as killed."""
-    raise KeyboardInterrupt
 
 
 def _goals(entities: Sequence[ObjectType]) -> list[str]:

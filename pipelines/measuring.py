@@ -5,25 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from uuid import UUID
 
-from pipelines.prefect_records import wait_for_records
-from pipelines.prefect_settings import quiet_prefect
+from pipelines.prefect_records import reported_to, wait_for_records
+from pipelines.prefect_server import PrefectServer
 
 
-def measure_with_prefect(title: str, labels: Sequence[str], measure: Callable[[int], None]) -> None:
+def measure_with_prefect(
+    title: str, labels: Sequence[str], measure: Callable[[int], None], server: PrefectServer
+) -> None:
     """Run `measure` for every label's number as a flow of named task runs; results do not pass through Prefect.
 
     Args:
         title: name of the flow.
         labels: names of the task runs.
         measure: does one measurement.
+        server: hears of the flow.
 
     Raises:
         KeyboardInterrupt: the process was asked to end while the flow was running.
     """
-    quiet_prefect()
     from prefect import flow, task
     from prefect.cache_policies import NO_CACHE
-    from prefect.exceptions import TerminationSignal
     from prefect.runtime import flow_run
 
     @task(name="measurement", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
@@ -36,7 +37,5 @@ def measure_with_prefect(title: str, labels: Sequence[str], measure: Callable[[i
             run_one(label, number)
         wait_for_records(UUID(flow_run.get_id()), count)
 
-    try:
+    with reported_to(server):
         measuring(len(labels))
-    except TerminationSignal as signal:
-        raise KeyboardInterrupt from signal

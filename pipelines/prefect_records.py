@@ -1,12 +1,18 @@
-"""Prefect learns of task runs by events that it handles in its own time; its server must not end before."""
+"""What Prefect must know before its server ends: it learns of task runs by events that it handles in its own time."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from uuid import UUID
+
+from pipelines.prefect_server import PrefectServer
 
 PATIENCE = 60.0
 """Seconds to wait for records; they are for the eye only, so that a run does not fail without them."""
+HASTE = 0.5
+"""The same where someone waits for the run to end."""
 
 
 def wait_for_records(flow_run: UUID, tasks: int) -> bool:
@@ -28,3 +34,27 @@ def wait_for_records(flow_run: UUID, tasks: int) -> bool:
                 return True
             time.sleep(0.2)
     return False
+
+
+@contextmanager
+def reported_to(server: PrefectServer) -> Iterator[None]:
+    """Let flows within report to a server, once it answers, and have told it all when they are over.
+
+    Raises:
+        KeyboardInterrupt: the process was asked to end, in whatever words Prefect says so.
+        RoboScribeError: the server did not start.
+    """
+    from prefect.events.worker import EventsWorker
+    from prefect.exceptions import TerminationSignal
+    from prefect.settings import PREFECT_API_URL, temporary_settings
+
+    server.wait()
+    patience = PATIENCE
+    with temporary_settings({PREFECT_API_URL: server.url}):
+        try:
+            yield
+        except (TerminationSignal, KeyboardInterrupt) as signal:
+            patience = HASTE
+            raise KeyboardInterrupt from signal
+        finally:  # at the end of the process Prefect would look for a server that is gone
+            EventsWorker.drain_all(timeout=patience)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import tempfile
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from time import perf_counter
 from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
-from roboscribe.io.saved_program import load_program
+from roboscribe.io.saved_program import PROGRAM, load_program
 from roboscribe.programs import find_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
@@ -21,6 +22,7 @@ from stages import evaluate
 from stages.progress import Report, episode_watch, silent
 from stages.world import TaskConfig
 
+log = logging.getLogger(__name__)
 _RUN_ID = re.compile(r"[0-9a-f]{32}")
 
 
@@ -83,6 +85,8 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
         TaskError: there is no such task or option.
     """
     saved = load_program(directory)
+    if saved.edited:
+        log.warning("%s was edited since the program was saved", directory / PROGRAM)
     where = TaskConfig(str(saved.manifest["task"]) if task is None else task, contact, timing)
     return open_saved(saved, where.make(), str(directory)), where
 

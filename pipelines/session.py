@@ -10,10 +10,10 @@ from time import perf_counter
 from typing import Literal, TypeAlias, assert_never
 
 from pipelines.audience import Audience
-from pipelines.chain import Plan, Synthesized, chain, command
+from pipelines.chain import Plan, Synthesized, chain, command, show
 from pipelines.checkout import checkout_commit
 from pipelines.home import Home
-from pipelines.prefect_settings import quiet_prefect
+from pipelines.prefect_server import prefect_server
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
@@ -39,7 +39,7 @@ from stages.events import (
 from stages.progress import Progress
 from stages.settings import encode
 from stages.store import AnyStage, Inputs, Store, locked
-from stages.tracking import Tracker
+from stages.tracking import SECONDS, Tracker
 
 FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_steps", "refinements")
 """Figures of the result that are tracked."""
@@ -114,10 +114,11 @@ class Session:
                 found = self._synthesize(audience, (tally.listen, tracker.listen, chronicle.listen), tracker)
                 result = found if isinstance(found, Fail) else self._result(found, tally, commit)
             except BaseException as error:
-                tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
-                tracker.close(timeout=30.0)
+                killed = isinstance(error, KeyboardInterrupt | SystemExit)
+                tracker.status("KILLED" if killed else "FAILED")
+                tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
-            seconds = round(perf_counter() - start, 3)
+            seconds = round(tracker.seconds(perf_counter() - start), 3)
             chronicle.end(
                 {"reason": result.reason} if isinstance(result, Fail) else {**result, "wall_seconds": seconds}
             )
@@ -126,7 +127,8 @@ class Session:
                 tracker.status("FAILED")
                 tracker.close()
                 return result
-            tracker.result({**{name: float(str(result[name])) for name in FIGURES}, "wall_seconds": seconds})
+            figures = {name: float(str(result[name])) for name in FIGURES}
+            tracker.result({**figures, SECONDS: seconds}, tally.env_steps)
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
@@ -143,7 +145,8 @@ class Session:
             msg = f"{given}: cannot be read ({error.strerror}), expected demonstrations in Parquet"
             raise DemonstrationError(msg) from error
         plan = encode(replace(self.plan, demonstrations=None))
-        text = canonical_json({"plan": plan, "demonstrations": digest, "code": [code_version(name) for name in STAGES]})
+        code = [*map(code_version, STAGES), self.plan.task.code()]
+        text = canonical_json({"plan": plan, "demonstrations": digest, "code": code})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _synthesize(self, audience: Audience, listeners: tuple[Listener, ...], tracker: Tracker) -> Synthesized | Fail:
@@ -163,10 +166,11 @@ class Session:
 
         if self.engine == "local":
             return chain(self.plan, call, store.put, tell)
-        quiet_prefect(self.home.data / "prefect")
-        from pipelines.synthesis import synthesize_with_prefect
+        with prefect_server(self.home.data / "prefect") as server:
+            from pipelines.synthesis import synthesize_with_prefect
 
-        return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell)
+            show(self.plan, call)  # while the server starts; the flow then finds the stage done
+            return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
 
     def _result(self, found: Synthesized, tally: Tally, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""
@@ -185,7 +189,7 @@ class Session:
             "refinements": len(found.solution.refinements),
             "env_steps": tally.env_steps,
             "evaluation_steps": figures["control_steps"],
-            "program": (found.directory / PROGRAM).read_text(),
+            "program": (found.directory / PROGRAM).read_text(encoding="utf-8"),
             "tree": tree_to_json(found.solution.tree),
             "program_dir": str(out.resolve()),
         }

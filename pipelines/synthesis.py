@@ -8,8 +8,8 @@ from typing import Any
 from uuid import UUID
 
 from pipelines.chain import Plan, Synthesized, chain
-from pipelines.prefect_records import wait_for_records
-from pipelines.prefect_settings import quiet_prefect
+from pipelines.prefect_records import reported_to, wait_for_records
+from pipelines.prefect_server import PrefectServer
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
 from stages.events import Listener
@@ -18,16 +18,24 @@ from stages.steps import Call, Put
 from stages.store import AnyStage, Inputs
 
 
-def synthesize_with_prefect(title: str, plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fail:
+def synthesize_with_prefect(
+    title: str, plan: Plan, call: Call, put: Put, tell: Listener, server: PrefectServer
+) -> Synthesized | Fail:
     """Run `chain` as a flow whose stages are named task runs; results do not pass through Prefect.
+
+    Args:
+        title: what the flow run is called.
+        plan: what is asked for.
+        call: runs a stage.
+        put: stores a small value.
+        tell: hears what happens.
+        server: hears of the flow.
 
     Raises:
         KeyboardInterrupt: the process was asked to end while the flow was running.
     """
-    quiet_prefect()
     from prefect import flow, task
     from prefect.cache_policies import NO_CACHE
-    from prefect.exceptions import TerminationSignal
     from prefect.runtime import flow_run
 
     called: list[tuple[AnyStage, Any, Inputs]] = []
@@ -46,7 +54,5 @@ def synthesize_with_prefect(title: str, plan: Plan, call: Call, put: Put, tell: 
         wait_for_records(UUID(flow_run.get_id()), len(called))
         return found
 
-    try:
+    with reported_to(server):
         return synthesis(plan.task.name, plan.seed)
-    except TerminationSignal as signal:
-        raise KeyboardInterrupt from signal

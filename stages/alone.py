@@ -50,7 +50,7 @@ def _parser(stage: AnyStage) -> argparse.ArgumentParser:
 
 
 def _text(given: str) -> str:
-    return given if given.lstrip().startswith("{") else Path(given).read_text()
+    return given if given.lstrip().startswith("{") else Path(given).read_text(encoding="utf-8")
 
 
 def _input(given: str) -> tuple[str, Path]:

@@ -27,7 +27,7 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - callers know what they wrote
         ArtifactError: it cannot be read or is no JSON.
     """
     try:
-        return parse_json(path.read_text())
+        return parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         msg = f"{path}: cannot be read as JSON ({error})"
         raise ArtifactError(msg) from error
@@ -56,7 +56,7 @@ def read_program(path: Path) -> Program:
         ProgramError: its text is no program.
     """
     try:
-        return parse_program(path.read_text())
+        return parse_program(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         msg = f"{path}: cannot be read as text ({error})"
         raise ArtifactError(msg) from error

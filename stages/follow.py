@@ -12,10 +12,7 @@ import select
 import sys
 import time
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
-
-import psutil  # type: ignore[import-untyped]  # it has no types of its own
 
 from stages.mlflow_store import Copier, open_copier, store_identity, unreachable
 
@@ -26,37 +23,14 @@ PATIENCE = 45.0
 log = logging.getLogger(__name__)
 
 
-class Family:
-    """The other processes that the run has started, so that none of them outlives a run that was killed."""
-
-    def __init__(self) -> None:
-        """Remember whose child this process is."""
-        self._parent = psutil.Process(os.getppid())
-        self._known: dict[int, psutil.Process] = {}
-
-    def look(self) -> None:
-        """Note the children that there are now."""
-        with suppress(psutil.NoSuchProcess):
-            found = self._parent.children(recursive=True)
-            self._known |= {child.pid: child for child in found if child.pid != os.getpid()}
-
-    def end(self) -> None:
-        """End them where the run itself is gone; a number given to another process since then is another process."""
-        if not self._parent.is_running():
-            for child in self._known.values():
-                with suppress(psutil.NoSuchProcess):
-                    child.terminate()
-
-
 def follow(directory: Path, mlruns: Path) -> int:
     """Copy a journal until standard input ends, then once more; returns an exit code, 0 when all is copied."""
-    family = Family()
     ended_at: float | None = None
     copier: Copier | None = None
     identity: list[int] = []
     while True:
         last = ended_at is not None
-        if copier is not None and store_identity(mlruns) != identity:
+        if identity and store_identity(mlruns) != identity:
             os.execv(sys.executable, [sys.executable, "-m", "stages.follow", str(directory), str(mlruns)])
         try:
             if copier is None:
@@ -70,12 +44,11 @@ def follow(directory: Path, mlruns: Path) -> int:
                 return 0
         except unreachable() as error:
             log.warning("the tracking store cannot be reached: %s", str(error).splitlines()[0])
+            copier = None  # what it knows of the store may be over: an experiment that was deleted, for instance
             if ended_at is not None and time.monotonic() - ended_at > PATIENCE:
                 return 1
-        family.look()
         if ended_at is None and _ended(PERIOD):
             ended_at = time.monotonic()
-            family.end()
         elif last:
             time.sleep(1.0)
 

@@ -1,21 +1,27 @@
 """Append-only records in a JSON Lines file: what was told is never lost, and never told twice.
 
 Whoever is killed in the middle of a line leaves a torn one; the next writer cuts it off. A record that is told again,
-because a run was resumed from before it, is recognised by its identity and keeps its first time stamp.
+because a run was resumed from before it, is recognised by its identity and keeps its first time stamp. Every record
+carries a checksum; one that was damaged ends the journal, and what followed is told again when the run goes on.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from time import time_ns
 from typing import TypeAlias
+from zlib import crc32
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json, canonical_json, parse_json
 
 Record: TypeAlias = Mapping[str, Json]
+SUM = "sum"
+"""Field with the checksum, in the file alone."""
+log = logging.getLogger(__name__)
 
 
 class Journal:
@@ -56,7 +62,7 @@ class Journal:
         stamped = {"time": time_ns() // 1_000_000, **record}
         try:
             with self.path.open("ab") as file:
-                file.write(canonical_json(stamped).encode() + b"\n")
+                file.write(canonical_json({**stamped, SUM: _sum(stamped)}).encode() + b"\n")
         except OSError as error:
             msg = f"{self.path}: could not be written ({error.strerror or error})"
             raise ArtifactError(msg) from error
@@ -88,6 +94,8 @@ def read_records(path: Path, start: int = 0) -> Iterator[tuple[int, Record]]:
         for line in file:
             record = _parsed(line)
             if record is None:
+                if line.endswith(b"\n"):
+                    log.warning("%s: damaged at byte %d; what follows is left out", path, start)
                 return
             start += len(line)
             yield start, record
@@ -100,4 +108,12 @@ def _parsed(line: bytes) -> Record | None:
         record = parse_json(line.decode())
     except (ValueError, UnicodeDecodeError):
         return None
-    return record if isinstance(record, Mapping) else None
+    if not isinstance(record, Mapping):
+        return None
+    told = {name: value for name, value in record.items() if name != SUM}
+    return told if record.get(SUM) in (None, _sum(told)) else None
+
+
+def _sum(record: Record) -> str:
+    """Return a record's checksum."""
+    return f"{crc32(canonical_json(record).encode()):08x}"

@@ -15,8 +15,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
-from roboscribe.io.atomic import Json, indented_json, parse_json, write_file
+from roboscribe.io.atomic import Json, canonical_json, indented_json, parse_json, write_file
 from stages.journal import Record, read_records
 
 if TYPE_CHECKING:
@@ -37,6 +38,8 @@ DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
 ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
 ENDED = ("FINISHED", "FAILED", "KILLED")
+ACTIVE = "active"
+"""What MLflow says of runs and experiments that were not deleted."""
 BATCH = 1000
 _NEW = ".new-"
 """How directories begin in which a database is being created."""
@@ -96,8 +99,31 @@ class Copier:
     def __post_init__(self) -> None:
         """Go on where the last copier stopped, or from the start where the store is another one."""
         state = _state(self.directory)
-        if state.get("store") == store_identity(self.mlruns):
+        if state.get("store") == store_identity(self.mlruns) and all(map(self._there, state["runs"].values())):
             self._runs, self._offset = dict(state["runs"]), int(state["offset"])
+
+    def _there(self, run_id: str) -> bool:
+        """Whether the store still has a run; deleted ones are restored, those that were purged are not there."""
+        from mlflow.exceptions import MlflowException
+
+        try:
+            info = self.client.get_run(run_id).info
+            if info.lifecycle_stage != ACTIVE:
+                self._restored(info.experiment_id)
+                self.client.restore_run(run_id)
+        except MlflowException as error:
+            if error.error_code == "RESOURCE_DOES_NOT_EXIST":
+                return False
+            raise
+        return True
+
+    def _restored(self, experiment_id: str) -> str:
+        """Return an experiment; where it was deleted it is restored, for its name is taken for ever."""
+        experiment = self.client.get_experiment(experiment_id)
+        if experiment.lifecycle_stage != ACTIVE:
+            self.client.restore_experiment(experiment_id)
+            log.warning("experiment %s had been deleted in MLflow; it is restored", experiment.name)
+        return experiment_id
 
     def copy(self) -> None:
         """Copy what is new.
@@ -111,8 +137,8 @@ class Copier:
             self._apply([record for _, record in found])
             self._offset = found[-1][0]
             place: list[Json] = list(store_identity(self.mlruns))
-            state: Json = {"store": place, "runs": dict(self._runs), "offset": self._offset}
-            write_file(self.directory / STATE, indented_json(state).encode())
+            state: dict[str, Json] = {"store": place, "runs": dict(self._runs), "offset": self._offset}
+            write_file(self.directory / STATE, indented_json({**state, "sum": _sum(state)}).encode())
 
     def mark_killed(self) -> None:
         """Mark the run as killed where its last word is that it runs."""
@@ -226,7 +252,7 @@ class Copier:
         with _locked(self.mlruns):
             found = self.client.get_experiment_by_name(name)
             if found is not None:
-                return str(found.experiment_id)
+                return self._restored(str(found.experiment_id))
             place = (self.mlruns / ARTIFACTS).resolve().as_uri()
             return str(self.client.create_experiment(name, artifact_location=f"{place}/{_plain(name)}"))
 
@@ -245,10 +271,13 @@ def unreachable() -> tuple[type[Exception], ...]:
 
 
 def synchronise(runs: Path, mlruns: Path) -> None:
-    """Bring the store up to date with every run that is not at work now."""
+    """Bring the store up to date with every run that is not at work now; one that cannot be copied is named."""
     ensure_store(mlruns)
     for directory in sorted(path.parent for path in runs.glob(f"*/{JOURNAL}")):
-        open_copier(directory, mlruns).copy()
+        try:
+            open_copier(directory, mlruns).copy()
+        except unreachable() as error:
+            log.warning("%s cannot be copied into MLflow: %s", directory, str(error).splitlines()[0])
 
 
 def open_copier(directory: Path, mlruns: Path) -> Copier:
@@ -286,12 +315,18 @@ def run_id_of(directory: Path) -> str | None:
 
 
 def _state(directory: Path) -> dict[str, Any]:
-    """Read how far a journal is copied."""
+    """Read how far a journal is copied; nothing where that is not known, and copying again changes nothing."""
     try:
-        state = parse_json((directory / STATE).read_text())
-    except FileNotFoundError:
-        state = {}
-    return dict(state) if isinstance(state, Mapping) else {}
+        state = parse_json((directory / STATE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    told = {name: value for name, value in state.items() if name != "sum"} if isinstance(state, Mapping) else {}
+    return told if isinstance(state, Mapping) and state.get("sum") == _sum(told) else {}
+
+
+def _sum(state: Mapping[str, Json]) -> str:
+    """Return a checksum."""
+    return f"{crc32(canonical_json(state).encode()):08x}"
 
 
 def _whole(value: Json) -> int:

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar, runtime_checkable
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import (
@@ -62,6 +62,14 @@ class Stage(Generic[Config]):
     name: str
     config: type[Config]
     run: Callable[[Config, Inputs, Path, Report], None]
+
+
+@runtime_checkable
+class Sourced(Protocol):
+    """A setting that names code, a task for instance: a stage's result depends on that code, too."""
+
+    def code(self) -> str:
+        """Return the version of the code."""
 
 
 AnyStage: TypeAlias = Stage[Any]
@@ -121,7 +129,7 @@ class Store:
 def manifest_of(out: Path) -> Mapping[str, Json] | None:
     """Read the manifest of a stage's outputs; None where there is none that can be read."""
     try:
-        value = parse_json((out / MANIFEST).read_text())
+        value = parse_json((out / MANIFEST).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return value if isinstance(value, Mapping) else None
@@ -145,7 +153,9 @@ def locked(directory: Path) -> Iterator[None]:
 def _identity(stage: AnyStage, config: object, digests: Digests) -> dict[str, str]:
     """Return the stage's name, its code's version, and the key that they, settings and inputs make."""
     code = code_version(stage.run.__module__)
-    text = canonical_json({"stage": stage.name, "config": encode(config), "inputs": digests, "code": code})
+    named = [part.code() for part in vars(config).values() if isinstance(part, Sourced)]
+    parts = {"stage": stage.name, "config": encode(config), "inputs": digests, "code": code, "named": named}
+    text = canonical_json(parts)
     return {"stage": stage.name, "code": code, "key": hashlib.sha256(text.encode()).hexdigest()}
 
 

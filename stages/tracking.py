@@ -10,7 +10,7 @@ import json
 import logging
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, assert_never
@@ -41,6 +41,7 @@ from stages.store import TIMING
 LOG = "tracking.log"
 IDENTITY = ("run", "kind", "key", "step")
 EVALUATION = "evaluation"
+SECONDS = "wall_seconds"
 STEPS = "steps"
 """Unit of progress that is a learner's."""
 _COLUMNS = (
@@ -71,11 +72,13 @@ class Tracker:
     _follower: subprocess.Popen[bytes] | None = None
     _counts: dict[str, int] = field(default_factory=dict)
     _last: RolledOut | None = None
+    _spent: float = 0.0
 
     def __post_init__(self) -> None:
         """Open the journal and start a new attempt."""
         self.directory.mkdir(parents=True, exist_ok=True)
         self._journal = Journal(self.directory / JOURNAL, IDENTITY)
+        self._spent = spent(self._journal.records())
         self.attempt = 1 + sum(r["kind"] == "status" and r["value"] == "RUNNING" for r in self._journal.records())
         self._note(PARENT, "run", "title", self.title)
         self._note(PARENT, "run", "experiment", self.experiment)
@@ -106,15 +109,26 @@ class Tracker:
                 self._follower.wait()
             if self._follower.returncode != 0:
                 log.warning("the tracking store %s is behind; the journal %s is kept", self.mlruns, self._journal.path)
+                return None
         return run_id_of(self.directory)
+
+    def leave(self) -> None:
+        """Let the copying process finish by itself; someone waits for this one to end."""
+        if self._follower is not None and self._follower.stdin is not None:
+            self._follower.stdin.close()
 
     def status(self, value: str) -> None:
         """Journal how the run stands: RUNNING, FINISHED, FAILED or KILLED."""
         self._note(PARENT, "status", value, value, self.attempt)
 
-    def result(self, metrics: Mapping[str, float]) -> None:
-        """Journal the figures of the whole run."""
-        self._metrics(PARENT, metrics, self.attempt)
+    def result(self, metrics: Mapping[str, float], step: int) -> None:
+        """Journal the figures of the whole run at its last control step; told again, they keep their first values."""
+        self._metrics(PARENT, metrics, step)
+
+    def seconds(self, own: float) -> float:
+        """Return what all attempts took together, given what this one took; what a finished run took stays."""
+        told = (r["value"] for r in self._journal.records() if r["run"] == PARENT and r["key"] == SECONDS)
+        return next((float(str(value)) for value in told), self._spent + own)
 
     def attach(self, path: Path) -> None:
         """Journal a file of the run's own."""
@@ -264,6 +278,22 @@ class Tracker:
     def _count(self, what: str) -> int:
         self._counts[what] = self._counts.get(what, 0) + 1
         return self._counts[what]
+
+
+def spent(records: Iterable[Record]) -> float:
+    """Add up the seconds of a journal's attempts; one that was killed lasted until the last word that it told."""
+    total, began, last = 0.0, None, 0
+    for record in records:
+        time = int(str(record["time"]))
+        if record["run"] == PARENT and record["kind"] == "status" and record["value"] == "RUNNING":
+            total, began, last = total + _lasted(began, last), time, time
+        last = max(last, time)
+    return total + _lasted(began, last)
+
+
+def _lasted(began: int | None, last: int) -> float:
+    """Seconds of an attempt; 0 before the first."""
+    return 0.0 if began is None else (last - began) / 1000
 
 
 def _rate(counts: Mapping[str, Any]) -> float:

@@ -91,10 +91,12 @@ class _Log:
         figures: dict[str, Json] = {name: float(value) for name, value in sorted(metrics.items())}
         names: list[Json] = list(figures)
         told = self._journal.append({"controller": controller, "step": step, "names": names, "metrics": figures})
-        time = told["time"]
+        time, first = told["time"], told["metrics"]
         assert isinstance(time, int)
+        assert isinstance(first, Mapping)
         budget = self._settings.opaque_budget if controller == OPAQUE else self._settings.budget
-        self._report(Progress(controller, step, budget, "steps", metrics, time))
+        known = {name: float(str(value)) for name, value in first.items()}
+        self._report(Progress(controller, step, budget, "steps", known, time))
 
 
 STAGE = Stage("train", Config, run)

@@ -11,6 +11,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.demonstrations import Demonstrations, read_demonstrations
 from roboscribe.world.task import Task
+from stages.code_version import task_version
 
 DEMONSTRATIONS = "demonstrations.parquet"
 
@@ -36,6 +37,16 @@ class TaskConfig:
             TaskError: there is no such task or option.
         """
         return make_task(self.name, contact=self.contact, timing=self.timing)
+
+    def code(self) -> str:
+        """Return the version of the task's code, wherever it lies: results of a task that was changed are stale."""
+        return _code(self)
+
+
+@lru_cache(maxsize=64)
+def _code(config: TaskConfig) -> str:
+    """Hash the sources of a task once: what was imported does not change any more."""
+    return task_version(config.make())
 
 
 def load_evidence(path: Path, config: TaskConfig) -> Evidence:

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from pipelines.audience import Audience
 from pipelines.paper.cells import Cell, Place
+from pipelines.prefect_server import prefect_server
 from pipelines.prefect_settings import quiet_prefect
 from pipelines.session import Engine
 from pipelines.story import Story
@@ -78,10 +79,10 @@ def run_cells(
             for number in range(len(cells)):
                 compute(number)
         else:
-            quiet_prefect(place.home.data / "prefect")
-            from pipelines.measuring import measure_with_prefect
+            with prefect_server(place.home.data / "prefect") as server:
+                from pipelines.measuring import measure_with_prefect
 
-            measure_with_prefect(title, [str(cell) for cell in cells], compute)
+                measure_with_prefect(title, [str(cell) for cell in cells], compute, server)
     return [found[number] for number in range(len(cells))]
 
 

@@ -1,7 +1,11 @@
-"""Checkpoints of learners: one safetensors file with the arrays, and JSON in its header. Nothing is unpickled."""
+"""Checkpoints of learners: one safetensors file with the arrays, and JSON in its header. Nothing is unpickled.
+
+A digest over names, shapes, numbers and JSON tells whether a file is still what was written.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -16,14 +20,16 @@ from safetensors.numpy import save
 from roboscribe.errors import ArtifactError
 
 Arrays: TypeAlias = dict[str, NDArray[np.generic]]
-NOTES = "notes"
-"""Header key of the JSON text."""
+NOTES, DIGEST = "notes", "digest"
+"""Header keys of the JSON text, and of what vouches for everything."""
 
 
 def write_checkpoint(path: Path, arrays: Mapping[str, NDArray[np.generic]], notes: Mapping[str, object]) -> None:
     """Write arrays and JSON values as one file that is either the old or the new one, never half of one."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    data = save({name: np.ascontiguousarray(array) for name, array in arrays.items()}, {NOTES: json.dumps(notes)})
+    packed = {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+    text = json.dumps(notes)
+    data = save(packed, {NOTES: text, DIGEST: _digest(packed, text)})
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with temporary.open("wb") as file:
@@ -47,8 +53,12 @@ def read_checkpoint(path: Path, identity: Mapping[str, object]) -> tuple[Arrays,
     """
     try:
         with safe_open(str(path), framework="numpy") as file:
-            notes: dict[str, object] = json.loads((file.metadata() or {})[NOTES])
+            header = file.metadata() or {}
+            notes: dict[str, object] = json.loads(header[NOTES])
             arrays: Arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+            if header[DIGEST] != _digest(arrays, header[NOTES]):
+                msg = "it was changed since it was written"
+                raise ValueError(msg)
     except (SafetensorError, KeyError, ValueError, OSError) as error:
         msg = f"checkpoint {path} cannot be read ({error}); delete it to train from the start"
         raise ArtifactError(msg) from error
@@ -57,6 +67,14 @@ def read_checkpoint(path: Path, identity: Mapping[str, object]) -> tuple[Arrays,
         msg = f"checkpoint {path} is another run's: found {found}, expected {identity}; delete it to start afresh"
         raise ArtifactError(msg)
     return arrays, notes
+
+
+def _digest(arrays: Mapping[str, NDArray[np.generic]], text: str) -> str:
+    """Hash everything that a checkpoint says."""
+    found = hashlib.sha256(text.encode())
+    for name, array in sorted(arrays.items()):
+        found.update(f"{name} {array.dtype} {array.shape}".encode() + array.tobytes())
+    return found.hexdigest()
 
 
 def under(prefix: str, arrays: Mapping[str, NDArray[np.generic]]) -> Arrays:

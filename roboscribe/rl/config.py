@@ -172,8 +172,10 @@ class TrainConfig:
         profile: what may be learned from: `actions`, `states` or `paper`; or `scripted`: the task's own controllers.
         target: evaluated success at which a skill of a program for ψ_R is good enough.
         subgoal_target: the same where the program is for a subgoal.
-        budget: control steps that may be spent on one skill's reinforcement learning.
-        first_budget: the same where nothing comes before the skill yet: a hard subgoal had better be refined.
+        budget: control steps that one training of a skill may take, its start states and evaluations included.
+        learning: share of them that reinforcement learning itself may take.
+        first_budget: most that learning may take where nothing comes before the skill yet: a hard subgoal had better
+            be refined.
         opaque_budget: the same for an attempt on ψ_R itself.
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
@@ -184,7 +186,8 @@ class TrainConfig:
     profile: Profile = "actions"
     target: float = 0.995
     subgoal_target: float = 0.97
-    budget: int = 250_000
+    budget: int = 500_000
+    learning: float = 0.5
     first_budget: int = 60_000
     opaque_budget: int = 10_000
     confirm: int = 3
@@ -196,3 +199,8 @@ class TrainConfig:
     inverse: InverseConfig = field(default_factory=InverseConfig)
     ppo: PpoConfig = field(default_factory=PpoConfig)
     sac: SacConfig = field(default_factory=SacConfig)
+
+    @property
+    def learning_steps(self) -> int:
+        """Control steps that reinforcement learning of one skill may take."""
+        return round(self.learning * self.budget)

@@ -103,7 +103,8 @@ def _run(
             sound = ~world.diverged(rows)
             found.append(Transitions(before[sound], after[sound], entities[part][sound], done[sound]))
             before = after
-    return reduce(Transitions.joined, found)
+    empty = np.zeros((0, 0))
+    return reduce(Transitions.joined, found) if found else Transitions(empty, empty, entities[:0], empty)
 
 
 def random_actions(steps: int, count: int, size: int, rng: np.random.Generator) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from math import inf
 from pathlib import Path
 from typing import TypeAlias
 
@@ -42,7 +43,8 @@ class LearnerTask:
         pool: its start states.
         evaluate: measures a skill's success on fixed starts; told the success that it has to beat.
         target: success at which learning may stop.
-        budget: control steps that may be spent, evaluations not counted.
+        budget: control steps that learning may take, evaluations not counted.
+        most: control steps that may be spent before the last evaluation, earlier evaluations counted.
     """
 
     subtask: Subtask
@@ -50,6 +52,7 @@ class LearnerTask:
     evaluate: Callable[[Skill, float], Verdict]
     target: float
     budget: int
+    most: float = inf
 
 
 @dataclass(frozen=True)
@@ -131,7 +134,8 @@ def _begin(skill: Skill, success: float, task: LearnerTask, config: PpoConfig, s
 
 
 def _finished(run: _Run, task: LearnerTask, config: PpoConfig) -> bool:
-    spent = (run.iteration + 1) * config.worlds * config.steps > task.budget
+    learning = (run.iteration + 1) * config.worlds * config.steps
+    spent = learning > task.budget or learning + run.evaluating > task.most
     return spent or run.success >= task.target or run.unimproved >= config.patience
 
 

@@ -104,8 +104,9 @@ def train_sac(
         model = _build(SacEnv(env, skill.encoder, task.subtask.task.action_size), config, seed)
         model.set_logger(Logger(None, [Metrics(metrics)]))
         best, success, spent, evaluating = skill, UNMEASURED, 0, 0
-        while spent + config.worlds * config.evaluate_every <= task.budget and success < task.target:
-            model.learn(config.worlds * config.evaluate_every, log_interval=task.budget, reset_num_timesteps=spent == 0)
+        turn = config.worlds * config.evaluate_every
+        while spent + turn <= min(task.budget, task.most - evaluating) and success < task.target:
+            model.learn(turn, log_interval=task.budget, reset_num_timesteps=spent == 0)
             spent = model.num_timesteps
             model.logger.dump(spent)
             candidate = Skill(skill.name, skill.spec, actor_layers(model), skill.layout, activation)

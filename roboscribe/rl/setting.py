@@ -225,8 +225,13 @@ class Setting:
         seed = self.seed_of(f"{run.controller} weights")
         return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
 
-    def pools(self, run: Run, skills: Mapping[str, Skill]) -> tuple[StartPool, StartPool, int]:
-        """Run the program up to `run`; returns held-out starts, starts for training, and control steps spent."""
+    def pools(self, run: Run, skills: Mapping[str, Skill], most: float) -> tuple[StartPool, StartPool, int]:
+        """Run the program up to `run`, for half of the control steps that may be spent on it at most.
+
+        Returns:
+            Held-out starts, few enough that an evaluation takes a quarter of those steps at most; starts for
+            training; and control steps spent.
+        """
         config, rng = self.config.pool, self.draw(f"{run.controller} starts")
         times = config.in_loops if self.in_loop(run) else 1
         starts, evaluation = config.starts * times, config.evaluation * times
@@ -234,7 +239,8 @@ class Setting:
             starts = evaluation = config.opaque
         prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
         seeds = rng.integers(SEEDS, size=config.attempts * (starts + evaluation))
-        found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch)
+        found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch, most / 2)
         share = evaluation / (starts + evaluation)
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
-        return held_out, pool, steps
+        affordable = max(1, int(most / 4 / self.subtask(run).limit))
+        return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps

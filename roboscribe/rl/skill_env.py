@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -168,12 +169,19 @@ class Judge:
         starts: held out.
         world: any world of the task.
         screening: starts tried first; a candidate that is clearly worse there than what it has to beat is dropped.
+        allowance: control steps that the world may have taken in the end.
     """
 
     subtask: Subtask
     starts: StartPool
     world: World
     screening: int = PoolConfig.screening
+    allowance: float = inf
+
+    @property
+    def rest(self) -> float:
+        """Control steps that may be spent before one more evaluation, which may take as many as its starts allow."""
+        return self.allowance - self.world.control_steps - len(self.starts) * self.subtask.limit
 
     def __call__(self, skill: Controller, to_beat: float = 0.0) -> Verdict:
         """Measure a skill, on the first starts alone where it is `HOPELESS` short of `to_beat` there."""

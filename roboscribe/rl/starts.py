@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -115,7 +116,13 @@ class _Collection:
 
 
 def collect_starts(
-    prefix: Prefix, task: Task, wanted: int, seeds: IntArray, rng: np.random.Generator, batch: int = PoolConfig.batch
+    prefix: Prefix,
+    task: Task,
+    wanted: int,
+    seeds: IntArray,
+    rng: np.random.Generator,
+    batch: int = PoolConfig.batch,
+    most: float = inf,
 ) -> tuple[StartPool, int]:
     """Run the program until enough states are found in which the target takes over.
 
@@ -126,6 +133,7 @@ def collect_starts(
         seeds: (E,) start states of the episodes, the greatest number run.
         rng: decides among entities that `get` may bind.
         batch: rows stepped at once; part of what the result depends on.
+        most: control steps that may be spent; what was found until then is returned.
 
     Returns:
         The starts, fewer than wanted where the prefix fails, and the control steps spent.
@@ -141,7 +149,8 @@ def collect_starts(
             collection.begin(free, seeds[launched : launched + len(free)], launched)
             launched += len(free)
             continue
-        if (collection.episode == IDLE).all():
+        flying = int((collection.episode != IDLE).sum())
+        if not flying or collection.world.control_steps + flying > most:
             entities = len(run_variables(collection.runs[prefix.targets[0]]))
             return collection.pool(entities).take(
                 np.arange(min(wanted, len(collection.found)))

@@ -113,9 +113,10 @@ def train_program(
         purpose.
     """
     setting, rim = Setting(task, program, demonstrations, config, seed, solve), _Rim(log, checkpoints)
-    skills, reports = dict(library), []
+    skills, reports = dict(library), list[SkillReport]()
     for turn in _new(setting, library):
-        skills[turn.run.controller], report = _learn(setting, rim, turn, skills)
+        before = sum(each.control_steps for each in reports if each.controller == turn.run.controller)
+        skills[turn.run.controller], report = _learn(setting, rim, turn, skills, before)
         reports.append(report)
     known = _known(setting, library)
     rate, steps = _screen(setting, skills) if known and solve else (0.0, 0)
@@ -123,7 +124,7 @@ def train_program(
         reports.append(SkillReport(known[-1].run.controller, "kept", 0, rate, rate, steps))
         return TrainingResult(skills, tuple(reports))
     for turn in known:
-        skills[turn.run.controller], report = _learn(setting, rim, turn, skills)
+        skills[turn.run.controller], report = _learn(setting, rim, turn, skills, steps)
         reports.append(replace(report, control_steps=report.control_steps + steps))
         steps = 0
     return TrainingResult(skills, tuple(reports))
@@ -195,43 +196,48 @@ def _screen(setting: Setting, skills: Mapping[str, Skill]) -> tuple[float, int]:
     return float(screened.success.mean()), screened.control_steps
 
 
-def _learn(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
-    """Learn one skill, or read it from its checkpoint."""
+def _learn(
+    setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill], before: int
+) -> tuple[Skill, SkillReport]:
+    """Learn one skill, for which `before` control steps were spent already, or read it from its checkpoint."""
     finished = rim.file(turn.title)
     identity = {"controller": turn.title, "until": str(turn.run.until), "seed": setting.seed}
     if finished is not None and finished.exists():
         return _read(finished, identity, turn.run.controller, setting.task)
-    skill, report = _train(setting, rim, turn, skills)
+    skill, report = _train(setting, rim, turn, skills, setting.config.budget - before)
     if finished is not None:
         _write(finished, identity, skill, report)
     return skill, report
 
 
-def _train(setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill]) -> tuple[Skill, SkillReport]:
-    """Collect starts, warm-start, and improve by reinforcement learning where needed."""
+def _train(
+    setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill], most: int
+) -> tuple[Skill, SkillReport]:
+    """Collect starts, warm-start, and improve by reinforcement learning where needed, in `most` control steps."""
     run = turn.run
-    held_out, pool, spent = setting.pools(run, skills)
+    held_out, pool, spent = setting.pools(run, skills, most)
     fresh = skills.get(run.controller) or setting.fresh_skill(run, pool)
     if not len(pool):
         return fresh, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
     config = setting.config
-    judge = Judge(setting.subtask(run), held_out, setting.task.world(config.pool.batch), config.pool.screening)
+    world = setting.task.world(config.pool.batch)
+    judge = Judge(setting.subtask(run), held_out, world, config.pool.screening, most - spent)
     warm, rate, learner = _warm_start(setting, run, skills, pool, judge)
     spent += judge.world.control_steps
     rim.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
     target = setting.target(run)
-    budget = setting.config.budget if turn.again else _budget(setting, run, rate)
+    budget = config.learning_steps if turn.again else _budget(setting, run, rate)
     if rate >= target or not turn.reinforce or not budget:
         return warm, report
 
     def log(metrics: Mapping[str, float], step: int) -> None:
         rim.log(run.controller, metrics, spent + step)
 
-    if rate > config.pool.stress_above:
+    if rate > config.pool.stress_above and judge.rest > len(pool) * judge.subtask.limit:
         tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
         pool, spent = pool.stressing(~tried.success, config.pool.repeats), spent + tried.control_steps
-    task = LearnerTask(judge.subtask, pool, judge, target, budget)
+    task = LearnerTask(judge.subtask, pool, judge, target, budget, judge.rest)
     learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
@@ -246,10 +252,10 @@ def _budget(setting: Setting, run: Run, rate: float) -> int:
     """
     config = setting.config
     if isinstance(run.until, Solved):
-        return config.opaque_budget
+        return min(config.opaque_budget, config.budget)
     if run is not setting.runs[0] or setting.solve or config.profile == "paper":
-        return config.budget
-    return config.first_budget if rate >= config.worth_improving else 0
+        return config.learning_steps
+    return min(config.first_budget, config.learning_steps) if rate >= config.worth_improving else 0
 
 
 def _reinforce(

@@ -16,7 +16,6 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import Judge
 from roboscribe.world.layout import FloatArray, IntArray
-from roboscribe.world.task import World
 from roboscribe.world.trajectory import Trajectory
 
 
@@ -93,11 +92,13 @@ def clone_frames(
 ) -> tuple[Skill, float] | None:
     """Return the first clone that reaches the target in rollouts, else the best; None where there is nothing to clone.
 
-    Clones are tried of one seed after the other, each seed's latest checkpoint first.
+    Clones are tried of one seed after the other, each seed's latest checkpoint first, as long as the budget lasts.
     """
     best: tuple[Skill, float] | None = None
     for attempt in range(config.clone.attempts if len(samples) else 0):
         for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
+            if best is not None and judge.rest < 0:
+                return best
             rate = judge(skill, 0.0 if best is None else best[1]).rate
             if best is None or rate > best[1]:
                 best = skill, rate
@@ -125,25 +126,28 @@ def clone_states(
         seed: decides everything.
     """
     rng = np.random.default_rng(seed)
-    data = _first_tries(frames, pool, judge.world, config, rng)
+    data = _first_tries(frames, pool, judge, config, rng)
     best: tuple[Skill, float] | None = None
-    for turn in range(config.inverse.rounds):
+    for turn in range(config.inverse.rounds if len(data) else 0):
         model = fit_inverse(spec, fresh.layout, data, config.inverse, seed + turn)
         done = model.infer(frames.states, frames.following, frames.entities)
         found = clone_frames(fresh, Samples(frames.states, frames.entities, done), judge, config, seed + turn)
         if found is not None and (best is None or found[1] > best[1]):
             best = found
-        if best is None or best[1] >= config.target:
+        if best is None or best[1] >= config.target or judge.rest < len(pool) * config.inverse.rollout_steps:
             break
         data = data.joined(explore(judge.world, pool, best[0], config.inverse, rng))
     return best
 
 
 def _first_tries(
-    frames: Frames, pool: StartPool, world: World, config: TrainConfig, rng: np.random.Generator
+    frames: Frames, pool: StartPool, judge: Judge, config: TrainConfig, rng: np.random.Generator
 ) -> Transitions:
+    """Try actions out from demonstrated or start states, from as many of them as half of the budget allows."""
     stored, settings = frames.snapshots.shape[1] > 0, config.inverse
     steps, tries = (1, settings.tries) if stored else (settings.steps_from_starts, 1)
     snapshots = np.repeat(frames.snapshots if stored else pool.snapshots, tries, axis=0)
     entities = np.repeat(frames.simulated if stored else pool.entities, tries, axis=0)
-    return probe(world, snapshots, entities, random_actions(steps, len(snapshots), frames.actions.shape[1], rng))
+    actions = random_actions(steps, len(snapshots), frames.actions.shape[1], rng)
+    some = slice(int(min(len(snapshots), max(judge.rest, 0) / 2 / steps)))
+    return probe(judge.world, snapshots[some], entities[some], actions[:, some])

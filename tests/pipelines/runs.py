@@ -31,7 +31,9 @@ def scripted(seed: int = 0, task: str = TASK.name, **more: object) -> Plan:
 def learned(seed: int = 0) -> Plan:
     """Plan a synthesis that accepts whatever one short attempt of PPO gives."""
     ppo = PpoConfig(worlds=8, steps=20, epochs=1, minibatches=2, critic_iterations=1, evaluate_every=1)
-    training = TrainConfig(budget=1200, opaque_budget=1200, pool=PoolConfig(starts=16, evaluation=16), ppo=ppo)
+    training = TrainConfig(
+        budget=40_000, learning=0.03, opaque_budget=1200, pool=PoolConfig(starts=16, evaluation=16), ppo=ppo
+    )
     return Plan(TASK, seed, limits=Limits(success=0.0), training=training, shown=10, tried=5, episodes=5, video=False)
 
 

@@ -7,15 +7,19 @@ import sqlite3
 from collections.abc import Iterator
 from multiprocessing import get_context
 from pathlib import Path
+from time import monotonic, perf_counter, sleep
 
 import pytest
+from mlflow import MlflowClient
 
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
+from roboscribe.io.atomic import Json
 from stages.events import Event, Refined, Trained
-from stages.mlflow_store import DATABASE, STATE, ensure_store, open_copier, run_id_of, synchronise
+from stages.journal import read_records
+from stages.mlflow_store import DATABASE, STATE, database_uri, ensure_store, open_copier, run_id_of, synchronise
 from stages.progress import Progress
-from stages.tracking import Tracker
+from stages.tracking import Tracker, spent
 from tests.pipelines.runs import run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 
@@ -180,3 +184,100 @@ def test_a_synthesis_that_fails_is_tracked_with_its_reason(tmp_path: Path) -> No
     synchronise(tmp_path / "data" / "runs", mlruns)
     assert statuses(mlruns)["point-pick-place-1 seed 0"] == "FAILED"
     assert rows(mlruns, "select value from tags where key = 'reason'") == [(result.reason,)]
+
+
+def word(run: str, kind: str, value: object, time: int) -> dict[str, Json]:
+    """Write a record of a journal."""
+    return {"run": run, "kind": kind, "key": kind, "value": str(value), "time": time}
+
+
+def test_the_times_of_all_attempts_add_up() -> None:
+    """One that was killed without a word lasted until its last one."""
+    first = [word("", "status", "RUNNING", 1000), word("controller hold", "metric", 0.5, 4000)]
+    second = [word("", "status", "RUNNING", 900_000), word("", "status", "KILLED", 901_500)]
+    back = [word("", "status", "RUNNING", 500), word("", "status", "FINISHED", 2500)]
+    assert spent([]) == 0.0
+    assert spent(first) == 3.0
+    assert spent(first + second) == 4.5
+    assert spent(first + second + back) == 6.5, "a clock that was put back takes nothing away"
+
+
+def test_a_resumed_run_has_one_result(tmp_path: Path) -> None:
+    """Formerly each attempt told every figure anew, and `wall_seconds` was that of the last."""
+
+    def interrupt(label: str) -> None:
+        if label.startswith("train"):
+            sleep(1.0)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run(scripted(), tmp_path, on_stage=interrupt)
+    start = perf_counter()
+    resumed = run(scripted(), tmp_path)
+    own = perf_counter() - start
+    assert isinstance(resumed, dict)
+    assert float(str(resumed["wall_seconds"])) > own + 0.9
+    assert run(scripted(), tmp_path) == resumed
+    (journal,) = (tmp_path / "data" / "runs").glob("*/journal.jsonl")
+    told = [r["key"] for _, r in read_records(journal) if r["run"] == "" and r["kind"] == "metric"]
+    assert told.count("wall_seconds") == told.count("success") == 1
+
+
+def delete_experiment(home: Path) -> MlflowClient:
+    """Delete the experiment as a user of MLflow's interface does."""
+    client = MlflowClient(database_uri(home / "mlruns"))
+    experiment = client.get_experiment_by_name("t")
+    assert experiment is not None
+    client.delete_experiment(experiment.experiment_id)
+    return client
+
+
+def test_a_deleted_experiment_is_restored(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Formerly the next run waited 45 s and told nothing, and `roboscribe ui` died."""
+    empty_store(tmp_path / "mlruns")
+    listening = tracker(tmp_path)
+    tell(listening, range(3))
+    copy(tmp_path)
+    client = delete_experiment(tmp_path)
+    tell(listening, range(3, 6))
+    synchronise(tmp_path / "runs", tmp_path / "mlruns")
+    assert points(tmp_path / "mlruns", CURVE) == expected(range(6))
+    assert {run.info.lifecycle_stage for run in client.search_runs(["1"])} == {"active"}
+    assert [record.message for record in caplog.records] == ["experiment t had been deleted in MLflow; it is restored"]
+
+
+def test_an_experiment_deleted_during_a_run_is_restored(tmp_path: Path, following: Tracker) -> None:
+    tell(following, range(3))
+    end = monotonic() + 60
+    while points(tmp_path / "mlruns", CURVE) != expected(range(3)):
+        assert monotonic() < end
+        sleep(0.1)
+    delete_experiment(tmp_path)
+    tell(following, range(3, 6))
+    following.status("FINISHED")
+    assert following.close() == run_id_of(tmp_path / "runs" / "abc")
+    assert points(tmp_path / "mlruns", CURVE) == expected(range(6))
+
+
+def test_purged_runs_are_filled_from_the_start(tmp_path: Path) -> None:
+    empty_store(tmp_path / "mlruns")
+    listening = tracker(tmp_path)
+    tell(listening, range(3))
+    copy(tmp_path)
+    state = tmp_path / "runs" / "abc" / STATE
+    with sqlite3.connect(tmp_path / "mlruns" / DATABASE) as database:
+        for table in ("metrics", "latest_metrics", "params", "tags", "runs"):
+            database.execute(f"delete from {table}")
+    assert state.exists()
+    tell(listening, range(3, 6))
+    copy(tmp_path)
+    assert points(tmp_path / "mlruns", CURVE) == expected(range(6))
+
+
+def test_a_run_that_cannot_be_copied_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """The interface comes up all the same."""
+    empty_store(tmp_path / "mlruns")
+    tell(tracker(tmp_path), range(2))
+    (tmp_path / "mlruns" / DATABASE).write_bytes(b"no database at all" * 100)
+    synchronise(tmp_path / "runs", tmp_path / "mlruns")
+    assert "abc cannot be copied into MLflow" in caplog.text

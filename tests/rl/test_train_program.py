@@ -9,7 +9,7 @@ import pytest
 from carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 from roboscribe.dsl.interpreter import execute
-from roboscribe.dsl.syntax import Get, Goal, Program, Run, Seq, Solved, Truth
+from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.train_program import TrainingResult, step_limits, train_program
@@ -18,7 +18,8 @@ TASK = Carry()
 SHOWN = TASK.demonstrate(15, 0)
 QUICK = TrainConfig(
     target=0.9,
-    budget=1600,
+    budget=40_000,
+    learning=0.04,
     opaque_budget=800,
     screening=8,
     pool=PoolConfig(starts=24, evaluation=16, opaque=8, batch=16, screening=4),
@@ -28,6 +29,10 @@ QUICK = TrainConfig(
     sac=SacConfig(worlds=8, updates=1, batch=16, learning_starts=80, buffer=2000, hidden=(16, 16), evaluate_every=50),
 )
 FIRST = Program("Reach", Seq((Get(b, "block", Truth()), Run("hold", (mu, b), HOLD))))
+LOOP = Program(
+    "Loop",
+    Seq((While(Get(b, "block", Not(AT)), Seq((Run("hold", (mu, b), HOLD), Run("at", (mu, b, Goal(b)), AT)))),)),
+)
 BLIND = Program("Blind", Seq((Get(b, "block", Truth()), Run("solve", (mu, b, Goal(b)), Solved()))))
 
 
@@ -71,7 +76,7 @@ def test_known_skills_are_left_alone(trained: TrainingResult) -> None:
 
 
 def test_a_program_that_solves_the_task_may_improve_what_is_known(trained: TrainingResult) -> None:
-    demanding = replace(QUICK, target=2.0, budget=1)
+    demanding = replace(QUICK, target=2.0, learning=0.0)
     result = train_program(TASK, PROGRAM, SHOWN, trained.library, demanding, 0)
     assert [report.controller for report in result.reports] == ["hold", "at"]
     assert all(report.success >= report.warm_success for report in result.reports)
@@ -107,6 +112,24 @@ def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
     assert report.control_steps <= QUICK.opaque_budget + evaluations * QUICK.pool.opaque * TASK.horizon
 
 
+@pytest.mark.parametrize(
+    ("profile", "program", "budget"),
+    [
+        ("actions", PROGRAM, 300),
+        ("actions", PROGRAM, 6000),
+        ("actions", LOOP, 2000),
+        ("states", FIRST, 2000),
+        ("paper", FIRST, 2000),
+    ],
+)
+def test_a_budget_is_a_budget(profile: str, program: Program, budget: int) -> None:
+    """Start states, clones, evaluations and learning together; formerly `--budget 60000` reported 135,315 steps."""
+    config = replace(QUICK, budget=budget, learning=1.0, target=2.0, profile=profile)  # type: ignore[arg-type]
+    result = train_program(TASK, program, SHOWN, {}, config, 0, solve=program is not FIRST)
+    for name in result.library:
+        assert sum(each.control_steps for each in result.reports if each.controller == name) <= budget
+
+
 def test_profile_states_reads_no_actions(trained: TrainingResult) -> None:
     config = replace(QUICK, profile="states")
     spoilt = [replace(each, actions=np.full_like(each.actions, np.nan)) for each in SHOWN]
@@ -124,7 +147,7 @@ def test_profile_paper_learns_by_sac_alone() -> None:
 
 
 def test_a_program_that_never_gets_there_reports_no_starts() -> None:
-    config = replace(QUICK, budget=0, pool=replace(QUICK.pool, starts=4, evaluation=2, attempts=1))
+    config = replace(QUICK, learning=0.0, pool=replace(QUICK.pool, starts=4, evaluation=2, attempts=1))
     reports = train_program(Carry(horizon=1), PROGRAM, SHOWN, {}, config, 0).reports
     assert reports[1].starts == 0
     assert reports[1].success == 0.0

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
 
 from stages import code_version
+from stages.world import TaskConfig
 
 
 @pytest.fixture
@@ -42,3 +45,79 @@ def test_other_modules_do_not_count(project: Path) -> None:
     before = version()
     (project / "roboscribe" / "other.py").write_text("y = 2\n")
     assert version() == before
+
+
+TASK = """
+from dataclasses import dataclass
+from roboscribe.envs.point_world import PointTask
+from helpers import order
+
+@dataclass(frozen=True)
+class Push(PointTask):
+    def demonstrate(self, episodes, seed):
+        return order(super().demonstrate(episodes, seed), "scene.xml")
+"""
+
+
+def loaded(path: Path) -> object:
+    """Import a file as a module of its own and make the task in it."""
+    spec = spec_from_file_location("some_task", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.Push("push", ("block",))
+
+
+def changed(path: Path) -> None:
+    path.write_text(path.read_text() + "\n# changed\n")
+
+
+@pytest.mark.parametrize("package", [False, True])
+def test_a_task_from_elsewhere_counts_with_its_sources(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, package: bool
+) -> None:
+    """Formerly a changed demonstrator in a file of a user's own gave stale results."""
+    for name, text in (
+        ("task.py", TASK),
+        ("helpers.py", "order = lambda shown, scene: shown\n"),
+        ("scene.xml", "<a/>"),
+        ("apart.py", "x = 1\n"),
+    ):
+        (tmp_path / name).write_text(text)
+    if package:
+        (tmp_path / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    before = code_version.task_version(loaded(tmp_path / "task.py"))
+    assert code_version.task_version(loaded(tmp_path / "task.py")) == before
+    for name in ("task.py", "helpers.py", "scene.xml"):
+        code_version._imports.cache_clear()
+        changed(tmp_path / name)
+        after = code_version.task_version(loaded(tmp_path / "task.py"))
+        assert after != before
+        before = after
+    changed(tmp_path / "apart.py")
+    assert (code_version.task_version(loaded(tmp_path / "task.py")) == before) is not package
+
+
+def test_what_a_task_holds_counts(tmp_path: Path) -> None:
+    """A wrapper around a task is as stale as the task; so is one that was given a function."""
+
+    @dataclass
+    class Wrapper:
+        inner: object
+
+    (tmp_path / "task.py").write_text(TASK.replace("from helpers import order", "order = lambda shown, scene: shown"))
+    task = loaded(tmp_path / "task.py")
+    versions = [code_version.task_version(part) for part in (Wrapper(task), Wrapper(type(task).demonstrate))]
+    changed(tmp_path / "task.py")
+    code_version._imports.cache_clear()
+    task = loaded(tmp_path / "task.py")
+    again = [code_version.task_version(part) for part in (Wrapper(task), Wrapper(type(task).demonstrate))]
+    assert all(old != new for old, new in zip(versions, again, strict=True))
+
+
+def test_tasks_of_the_catalogue_have_versions_of_their_own() -> None:
+    point, fetch = (TaskConfig(name).code() for name in ("point-push-1", "pick-place-1"))
+    assert point != fetch
+    assert TaskConfig("point-tower-3").code() == point, "the name is part of the settings, not of the code"

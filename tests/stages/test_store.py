@@ -23,6 +23,13 @@ class Config:
     factor: int = 2
 
 
+@dataclass(frozen=True)
+class Holder:
+    """Settings that name something with code."""
+
+    part: object
+
+
 class Counting:
     """A stage that multiplies the number in its input, and counts how often it was run."""
 
@@ -64,6 +71,27 @@ def test_settings_and_contents_of_inputs_decide(tmp_path: Path, number: dict[str
     assert [(out / "product.txt").read_text() for out in (first, other, same, changed)] == ["42", "63", "42", "10"]
     assert first == same
     assert counting.runs == 3
+
+
+def test_code_that_settings_name_decides(tmp_path: Path, number: dict[str, Path]) -> None:
+    """A task's code may lie anywhere; what was computed with other code is stale."""
+    version = ["1"]
+
+    @dataclass(frozen=True)
+    class Named:
+        name: str = "task"
+
+        def code(self) -> str:
+            return version[0]
+
+    runs: list[Path] = []
+    stage = Stage("count", Holder, lambda config, inputs, out, report: runs.append(out))
+    first = Store(tmp_path / "store").run(stage, Holder(Named()), number)
+    again = Store(tmp_path / "store").run(stage, Holder(Named()), number)
+    version[0] = "2"
+    other = Store(tmp_path / "store").run(stage, Holder(Named()), number)
+    assert first == again != other
+    assert len(runs) == 2
 
 
 @pytest.mark.parametrize("damage", ["change", "delete", "link"])

@@ -1,0 +1,42 @@
+"""What all tests share: how much they try, and how they tell what they found out."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+import pytest
+
+TORTURE = "ROBOSCRIBE_TORTURE"
+"""Environment variable under which tests of reliability try many cases instead of a few."""
+Figure = Callable[[str, int, int], None]
+"""Told what was tried, how often it went well, and how often it was tried."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Register the marker of tests that belong to a row of the reliability table."""
+    config.addinivalue_line("markers", "row(number): belongs to a row of docs/reliability.md")
+    config.addinivalue_line("markers", "torture: takes minutes; run by `make torture` alone")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Leave out what takes minutes, unless it is asked for."""
+    for item in items:
+        if item.get_closest_marker("torture") and TORTURE not in os.environ:
+            item.add_marker(pytest.mark.skip(reason="run by `make torture`"))
+
+
+def effort(few: int, many: int) -> int:
+    """Say how many cases to try: few by default, many in `make torture`."""
+    return many if TORTURE in os.environ else few
+
+
+@pytest.fixture
+def figure(record_property: Callable[[str, object], None]) -> Figure:
+    """Tell a figure for the table, and insist that nothing went wrong."""
+
+    def tell(what: str, held: int, tried: int) -> None:
+        record_property("figure", [what, held, tried])
+        assert held == tried, f"{what}: {held} of {tried}"
+
+    return tell

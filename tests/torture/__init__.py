@@ -1,0 +1,1 @@
+"""Everything that must not break, tried often: `python -m tests.torture`."""
