@@ -6,7 +6,7 @@ import ast
 import hashlib
 import sysconfig
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, cached_property
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from types import CodeType, FunctionType
@@ -96,7 +96,14 @@ def _kinds(task: object) -> Iterator[type | FunctionType]:
             waiting += part
         elif type(part).__module__ != "builtins":
             yield from (kind for kind in type(part).__mro__ if kind is not object)
-            waiting += list(getattr(part, "__dict__", {}).values())
+            # What a cached property has stored says only what was asked for before.
+            held = getattr(part, "__dict__", {}).items()
+            waiting += [value for name, value in held if not _is_cached(part, name)]
+
+
+def _is_cached(part: object, name: str) -> bool:
+    """Whether an attribute is what a cached property has stored."""
+    return isinstance(getattr(type(part), name, None), cached_property)
 
 
 def _files(kind: type | FunctionType) -> set[Path]:

@@ -121,3 +121,11 @@ def test_tasks_of_the_catalogue_have_versions_of_their_own() -> None:
     point, fetch = (TaskConfig(name).code() for name in ("point-push-1", "pick-place-1"))
     assert point != fetch
     assert TaskConfig("point-tower-3").code() == point, "the name is part of the settings, not of the code"
+
+
+def test_what_was_asked_of_a_task_before_changes_no_key() -> None:
+    """Tasks of the plane are kept for the whole process, with what their cached properties have stored."""
+    task = replace(POINT_TASKS["point-tower-3"])
+    before = task_version(task)
+    assert task.layout.names == ("b1", "b2", "b3")
+    assert task_version(task) == before
