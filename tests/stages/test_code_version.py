@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
 
+from roboscribe.envs.point_world import POINT_TASKS
 from stages import code_version
 from stages.world import TaskConfig
 
@@ -48,7 +49,7 @@ def test_other_modules_do_not_count(project: Path) -> None:
 
 
 TASK = """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from roboscribe.envs.point_world import PointTask
 from helpers import order
 
@@ -126,6 +127,6 @@ def test_tasks_of_the_catalogue_have_versions_of_their_own() -> None:
 def test_what_was_asked_of_a_task_before_changes_no_key() -> None:
     """Tasks of the plane are kept for the whole process, with what their cached properties have stored."""
     task = replace(POINT_TASKS["point-tower-3"])
-    before = task_version(task)
+    before = code_version.task_version(task)
     assert task.layout.names == ("b1", "b2", "b3")
-    assert task_version(task) == before
+    assert code_version.task_version(task) == before
