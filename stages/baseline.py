@@ -18,14 +18,14 @@ from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import BASELINE, KIND
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import OUTCOME, program_bytes, write_json
+from roboscribe.stages.runtime.journal import Journal, read_records
+from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_demonstrations
 from roboscribe.world import Task, Trajectory
-from stages import alone
-from stages.files import OUTCOME, program_bytes, write_json
-from stages.journal import Journal, read_records
-from stages.package import DIRECTORY
-from stages.progress import Progress, Report, silent
-from stages.store import METRICS, PROGRESS, Inputs, Stage
-from stages.world import TaskConfig, load_demonstrations
 
 CHECKPOINT = "checkpoint.safetensors"
 
@@ -173,4 +173,4 @@ def _save(config: Config, policy: Policy, taken: Mapping[str, Json], directory: 
 STAGE = Stage("baseline", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -15,15 +15,15 @@ from roboscribe.envs.panel import Take
 from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
 from roboscribe.evaluation import PURPOSE, episode_seeds
 from roboscribe.runnable import Runnable
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library
+from roboscribe.stages.runtime.files import read_json, read_program
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Painter, Task, World
-from stages import alone
-from stages.files import read_json, read_program
-from stages.progress import Report, silent
-from stages.skills import read_library
-from stages.store import Inputs, Stage
-from stages.world import TaskConfig
 
 VIDEO = "rollout.mp4"
 
@@ -194,4 +194,4 @@ class _RecordingWorld:
 STAGE = Stage("film", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -15,14 +15,10 @@ from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
 from roboscribe.rl.config import TrainConfig
-from roboscribe.steps import Decision, Outcome, Steps, explained
-from roboscribe.strips import Strips, strips
-from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.tree_json import tree_to_json
-from roboscribe.world.layout import FloatArray
-from stages import classify, generate, roll_out, skills, train, update_tree, validate
-from stages.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
-from stages.files import (
+from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
+from roboscribe.stages.runtime import controller_files
+from roboscribe.stages.runtime.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
+from roboscribe.stages.runtime.files import (
     EPISODES,
     FAILURES,
     OUTCOME,
@@ -34,9 +30,20 @@ from stages.files import (
     read_json,
     read_program,
 )
-from stages.store import METRICS, AnyStage, Inputs
-from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json
-from stages.world import TaskConfig, load_evidence
+from roboscribe.stages.runtime.serialization import (
+    failures_bytes,
+    read_outcome,
+    read_refinement,
+    read_tree,
+    refinement_to_json,
+)
+from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs
+from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
+from roboscribe.steps import Decision, Outcome, Steps, explained
+from roboscribe.strips import Strips, strips
+from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.tree_json import tree_to_json
+from roboscribe.world.layout import FloatArray
 
 
 class Call(Protocol):
@@ -87,7 +94,7 @@ class Library:
         """Return its files as inputs of a stage."""
         if self.out is None:
             return {}
-        return {"controllers": self.out / skills.DESCRIPTIONS, "weights": self.out / skills.WEIGHTS}
+        return {"controllers": self.out / controller_files.DESCRIPTIONS, "weights": self.out / controller_files.WEIGHTS}
 
     def runnable(self) -> dict[str, Path]:
         """Return its files with the step limits of the program it was last trained for."""

@@ -8,26 +8,26 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol, cast
 
-from pipelines.audience import Audience
-from pipelines.baseline import BaselinePlan, BaselineSession
-from pipelines.chain import Plan
-from pipelines.checkout import checkout_commit
-from pipelines.home import Home
-from pipelines.session import Session, Tally
 from roboscribe.baselines.config import RECIPES, method_named
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json, sha256_of
+from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineSession
+from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.synthesis_run import Session, Tally
+from roboscribe.pipelines.workspace import Home
 from roboscribe.rl.config import Profile, TrainConfig
+from roboscribe.stages import baseline, collect, evaluate, transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
+from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
+from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json
+from roboscribe.stages.runtime.store import TIMING, Inputs, Stage, Store
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS
+from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
-from stages import baseline, collect, evaluate, transfer
-from stages.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
-from stages.files import OUTCOME, PROGRAM, program_bytes, read_json
-from stages.package import DIRECTORY
-from stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
-from stages.skills import DESCRIPTIONS, WEIGHTS
-from stages.store import TIMING, Inputs, Stage, Store
-from stages.train import LIMITS
-from stages.world import DEMONSTRATIONS
 
 CHECKED = baseline.Config.episodes
 """Episodes of each evaluation during the training of a baseline."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from uuid import UUID
 
-from pipelines.paper.cells import Cell, Place
-from pipelines.paper.running import unheard
-from pipelines.prefect_records import wait_for_records
-from pipelines.prefect_settings import quiet_prefect
 from roboscribe.errors import TaskError
+from roboscribe.pipelines.flows.prefect_records import wait_for_records
+from roboscribe.pipelines.flows.prefect_settings import quiet_prefect
+from roboscribe.pipelines.paper.cell_runner import unheard
+from roboscribe.pipelines.paper.cells import Cell, Place
 
 
 def compute_with_dask(title: str, cells: Sequence[Cell], place: Place, workers: int, address: str) -> None:

@@ -9,31 +9,31 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pipelines import adapting
-from pipelines.adapting import adapt_saved, loop_lines, save
-from pipelines.audience import Audience
-from pipelines.checkout import checkout_commit
-from pipelines.paper.cells import Place, Transfer
-from pipelines.paper.experiment import Desk, Done, Options, existing, failures_of, finish, run_trials
-from pipelines.paper.given import Given, given_program
-from pipelines.paper.methods import budget_of
-from pipelines.paper.running import run_cells
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.evaluation import spell_success
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.saved_program import load_program
+from roboscribe.pipelines import adaptation
+from roboscribe.pipelines.adaptation import adapt_saved, loop_lines, save
+from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.paper.cell_runner import run_cells
+from roboscribe.pipelines.paper.cells import Place, Transfer
+from roboscribe.pipelines.paper.experiment import Desk, Done, Options, existing, failures_of, finish, run_trials
+from roboscribe.pipelines.paper.given_programs import Given, given_program
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.pipelines.source_commit import checkout_commit
 from roboscribe.programs import shipped_names
-from stages import collect, transfer
-from stages.code_version import code_version
-from stages.experiment import Child
-from stages.files import OUTCOME, read_fail, read_json, write_fail, write_json
-from stages.package import DIRECTORY
-from stages.paper import confined
-from stages.paper.confined import NEW, OLD, ZERO_SHOT, Measurement, tabulate
-from stages.paper.rows import OURS, Trial
-from stages.progress import Report
-from stages.store import TIMING, Inputs, Stage
-from stages.world import DEMONSTRATIONS, TaskConfig
+from roboscribe.stages import collect, transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper import confined
+from roboscribe.stages.paper.confined import NEW, OLD, ZERO_SHOT, Measurement, tabulate
+from roboscribe.stages.paper.rows import OURS, Trial
+from roboscribe.stages.runtime.code_version import code_version
+from roboscribe.stages.runtime.files import OUTCOME, read_fail, read_json, write_fail, write_json
+from roboscribe.stages.runtime.progress import Report
+from roboscribe.stages.runtime.store import TIMING, Inputs, Stage
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
+from roboscribe.stages.tracking.experiment import Child
 
 TITLE = "paper confined"
 SOURCE = "source.json"
@@ -182,7 +182,7 @@ class Adaptation:
         wanted = collect.Config(TaskConfig(self.task), SHOWN, self.given.seed)
         shown = place.store.run(collect.STAGE, wanted, {}, audience.watch) / DEMONSTRATIONS
         inputs = {**transfer.inputs_of(self.given.directory), "demonstrations": shown}
-        config = AdaptationConfig(self.task, code_version("roboscribe.adapt"), sha256_of(Path(adapting.__file__)))
+        config = AdaptationConfig(self.task, code_version("roboscribe.adapt"), sha256_of(Path(adaptation.__file__)))
 
         def work(config: AdaptationConfig, inputs: Inputs, out: Path, report: Report) -> None:
             adapted = adapt_saved(self.given.directory, inputs["demonstrations"], config.task)

@@ -8,8 +8,9 @@ from itertools import product
 
 from rich.console import Console
 
-from pipelines.paper.cells import Transfer
-from pipelines.paper.experiment import (
+from roboscribe.pipelines.paper.cell_runner import run_cells
+from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.experiment import (
     Desk,
     Done,
     Options,
@@ -21,15 +22,14 @@ from pipelines.paper.experiment import (
     run_trials,
     table_of,
 )
-from pipelines.paper.methods import MOST_QUICK, budget_of, every_method
-from pipelines.paper.running import run_cells
-from stages import transfer
-from stages.files import OUTCOME, read_json
-from stages.package import DIRECTORY
-from stages.paper import curves, table1
-from stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
-from stages.paper.values import REPORTED
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.methods import MOST_QUICK, budget_of, every_method
+from roboscribe.stages import transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper import curves, table1
+from roboscribe.stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
+from roboscribe.stages.paper.values import REPORTED
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 PROFILES = ("actions", "states")
 """Profiles that are drawn; `paper` takes half an hour per seed of one block and is drawn on demand."""

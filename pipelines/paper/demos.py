@@ -7,7 +7,7 @@ from itertools import product
 
 from rich.console import Console
 
-from pipelines.paper.experiment import (
+from roboscribe.pipelines.paper.experiment import (
     Desk,
     Done,
     Options,
@@ -18,11 +18,11 @@ from pipelines.paper.experiment import (
     run_trials,
     table_of,
 )
-from pipelines.paper.methods import budget_of
-from stages.paper import demos
-from stages.paper.rows import OURS, Trial
-from stages.paper.values import DEMONSTRATIONS
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.stages.paper import demos
+from roboscribe.stages.paper.rows import OURS, Trial
+from roboscribe.stages.paper.values import DEMONSTRATIONS
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 Way = tuple[int, str, float]
 """Demonstrations, their style, and the share of them that fails."""

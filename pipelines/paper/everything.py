@@ -8,12 +8,12 @@ from typing import TypeAlias
 
 from rich.console import Console
 
-from pipelines.paper.confined import Confinement, measure_confined
-from pipelines.paper.curves import draw_curves, make_table1
-from pipelines.paper.demos import draw_demos
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.towers import Experiment, measure_towers
-from stages.paper.rows import OURS
+from roboscribe.pipelines.paper.confined import Confinement, measure_confined
+from roboscribe.pipelines.paper.curves import draw_curves, make_table1
+from roboscribe.pipelines.paper.demos import draw_demos
+from roboscribe.pipelines.paper.experiment import Desk, Done, Options
+from roboscribe.pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.stages.paper.rows import OURS
 
 Conduct: TypeAlias = Callable[[Options, Desk, Console], Done]
 EXPERIMENTS: dict[str, tuple[float, Conduct]] = {

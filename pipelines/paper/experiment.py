@@ -11,22 +11,22 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from pipelines.checkout import ROOT, checkout_commit
-from pipelines.home import Home
-from pipelines.paper.cells import Place, cell_of
-from pipelines.paper.running import Runner, run_cells
 from roboscribe.errors import TaskError
 from roboscribe.evaluation import spell_success
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
-from stages.code_version import code_version
-from stages.experiment import Child, track_experiment
-from stages.paper.curves import cell_metrics
-from stages.paper.report import About, Report, report_files
-from stages.paper.rows import CELL_COLUMNS, Record, Row, Trial, read_record, rows_of, tabulate
-from stages.paper.since import COMMIT, changes, newest
-from stages.settings import encode
-from stages.store import locked
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.cell_runner import Runner, run_cells
+from roboscribe.pipelines.paper.cells import Place, cell_of
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.pipelines.workspace import Home
+from roboscribe.stages.paper.curves import cell_metrics
+from roboscribe.stages.paper.report import About, Report, report_files
+from roboscribe.stages.paper.rows import CELL_COLUMNS, Record, Row, Trial, read_record, rows_of, tabulate
+from roboscribe.stages.paper.since import COMMIT, changes, newest
+from roboscribe.stages.runtime.code_version import ROOT, code_version
+from roboscribe.stages.runtime.configuration import encode
+from roboscribe.stages.runtime.store import locked
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import Child, track_experiment
 
 QUICK_STEPS, QUICK_EPISODES = 100_000, 50
 QUICK_TASKS = ("pick-place-1", "point-pick-place-1")
@@ -254,7 +254,7 @@ def _track(
         "command": about.command,
         "commit": about.commit,
         "table": hashlib.sha256(files[f"{about.name}.csv"]).hexdigest(),
-        "code": code_version("stages.paper.curves"),
+        "code": code_version("roboscribe.stages.paper.curves"),
     }
     directory = desk.home.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
     directory.mkdir(parents=True, exist_ok=True)

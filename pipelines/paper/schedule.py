@@ -9,7 +9,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from pipelines.prefect_settings import quiet_prefect
+from roboscribe.pipelines.flows.prefect_settings import quiet_prefect
 
 quiet_prefect()  # before Prefect is imported, wherever this file is loaded from
 
@@ -18,10 +18,10 @@ from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLi
 from prefect.settings import PREFECT_API_URL  # noqa: E402
 from rich.console import Console  # noqa: E402
 
-from pipelines.home import Home  # noqa: E402
-from pipelines.paper.experiment import Desk, Options  # noqa: E402
 from roboscribe.errors import TaskError  # noqa: E402
-from stages.paper.rows import OURS  # noqa: E402
+from roboscribe.pipelines.paper.experiment import Desk, Options  # noqa: E402
+from roboscribe.pipelines.workspace import Home  # noqa: E402
+from roboscribe.stages.paper.rows import OURS  # noqa: E402
 
 EVERYTHING = "all"
 SCHEDULES: dict[str, tuple[str, dict[str, object]]] = {
@@ -52,8 +52,8 @@ def scheduled(
     Raises:
         TaskError: no such experiment, or a synthesis found no program.
     """
-    from pipelines.paper.everything import EXPERIMENTS, do_everything
-    from pipelines.paper.methods import check_method
+    from roboscribe.pipelines.paper.everything import EXPERIMENTS, do_everything
+    from roboscribe.pipelines.paper.methods import check_method
 
     if experiment not in (EVERYTHING, *EXPERIMENTS):
         msg = f"unknown experiment {experiment!r}: expected one of {', '.join((EVERYTHING, *EXPERIMENTS))}"

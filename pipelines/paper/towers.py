@@ -11,24 +11,24 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pipelines.checkout import checkout_commit
-from pipelines.paper.cells import Transfer
-from pipelines.paper.experiment import Desk, Done, Options, failures_of, finish, run_trials
-from pipelines.paper.given import Given, given_program
-from pipelines.paper.methods import budget_of
-from pipelines.paper.running import run_cells
 from roboscribe.envs.catalogue import CONTACTS
 from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import spell_success
-from stages import transfer
-from stages.experiment import Child
-from stages.files import OUTCOME, read_json
-from stages.package import DIRECTORY
-from stages.paper import towers
-from stages.paper.rows import OURS, Trial
-from stages.paper.towers import Measurement, tabulate
-from stages.paper.values import SUCCESS, TASKS
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.cell_runner import run_cells
+from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.experiment import Desk, Done, Options, failures_of, finish, run_trials
+from roboscribe.pipelines.paper.given_programs import Given, given_program
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.stages import transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper import towers
+from roboscribe.stages.paper.rows import OURS, Trial
+from roboscribe.stages.paper.towers import Measurement, tabulate
+from roboscribe.stages.paper.values import SUCCESS, TASKS
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import Child
 
 TITLE = "paper towers"
 SINGLE_TOWER = re.compile(r"tower-([0-9]+)(-crowded)?")

@@ -9,10 +9,7 @@ from typing import Any, TypeAlias, assert_never
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
-from roboscribe.steps import wilson
-from roboscribe.subtask_tree import ROOT
-from stages.chronicle import Account, Told
-from stages.events import (
+from roboscribe.stages.runtime.events import (
     Abandoned,
     Evaluated,
     Failed,
@@ -25,6 +22,9 @@ from stages.events import (
     RolledOut,
     Trained,
 )
+from roboscribe.stages.tracking.chronicle import Account, Told
+from roboscribe.steps import wilson
+from roboscribe.subtask_tree import ROOT
 
 
 @dataclass(frozen=True)

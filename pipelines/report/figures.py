@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from pipelines.report.chapters import Chapters
-from pipelines.runs import Found
+from roboscribe.pipelines.report.chapters import Chapters
+from roboscribe.pipelines.runs.lookup import Found
 
 UNKNOWN = "–"
 

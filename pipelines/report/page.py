@@ -10,12 +10,6 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from pipelines.report.chapters import Chapters
-from pipelines.report.figures import figures, side_by_side, success
-from pipelines.report.films import FINAL, Film, films_html
-from pipelines.report.views import chapter_views, learning_html, success_curves
-from pipelines.runs import KEY, SHOWN, Found
-from pipelines.story import trained
 from roboscribe.dsl.parser import parse_program
 from roboscribe.errors import ProgramError
 from roboscribe.html.code import code_html, meanings
@@ -23,6 +17,12 @@ from roboscribe.html.curves import curves_html
 from roboscribe.html.style import STYLE, run_colour
 from roboscribe.html.tables import figures_html, pairs_html
 from roboscribe.html.tree import tree_html
+from roboscribe.pipelines.console import trained
+from roboscribe.pipelines.report.chapters import Chapters
+from roboscribe.pipelines.report.figures import figures, side_by_side, success
+from roboscribe.pipelines.report.films import FINAL, Film, films_html
+from roboscribe.pipelines.report.views import chapter_views, learning_html, success_curves
+from roboscribe.pipelines.runs.lookup import KEY, SHOWN, Found
 from roboscribe.subtask_tree import Tree
 from roboscribe.tree_json import tree_from_json
 

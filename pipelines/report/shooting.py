@@ -6,19 +6,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipelines.report.chapters import Attempt, Chapters
-from pipelines.report.films import FINAL, Film
-from pipelines.runs import Found
 from roboscribe.envs.render import SMALL
+from roboscribe.pipelines.report.chapters import Attempt, Chapters
+from roboscribe.pipelines.report.films import FINAL, Film
+from roboscribe.pipelines.runs.lookup import Found
 from roboscribe.runnable import Runnable, runnable
+from roboscribe.stages.film import Shooting, film, takes
+from roboscribe.stages.runtime.configuration import decode
+from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS, read_library
+from roboscribe.stages.runtime.files import read_json
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.chronicle import Account
+from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
-from stages.chronicle import Account
-from stages.files import read_json
-from stages.film import Shooting, film, takes
-from stages.settings import decode
-from stages.skills import DESCRIPTIONS, WEIGHTS, read_library
-from stages.train import LIMITS
-from stages.world import TaskConfig
 
 EVERY = 2
 """Control steps between two pictures of a small film."""

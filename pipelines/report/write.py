@@ -6,12 +6,12 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipelines.report.chapters import chapters
-from pipelines.report.page import Reported, page
-from pipelines.report.shooting import shoot_failures
-from pipelines.runs import Found
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import write_file
+from roboscribe.pipelines.report.chapters import chapters
+from roboscribe.pipelines.report.page import Reported, page
+from roboscribe.pipelines.report.shooting import shoot_failures
+from roboscribe.pipelines.runs.lookup import Found
 
 SUFFIXES = (".html", ".htm")
 

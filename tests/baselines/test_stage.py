@@ -9,24 +9,24 @@ from pathlib import Path
 
 import pytest
 
-from pipelines import cli
-from pipelines.audience import Audience
-from pipelines.baseline import BaselinePlan, BaselineSession
-from pipelines.home import Home
-from pipelines.programs import open_program
 from roboscribe.baselines.config import METHODS, RECIPES, Method, method_named
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.saved_program import load_program, save_program
-from stages import baseline, evaluate
-from stages.files import OUTCOME, read_json
-from stages.journal import read_records
-from stages.mlflow_store import JOURNAL
-from stages.package import DIRECTORY
-from stages.progress import Progress
-from stages.store import Store
-from stages.world import TaskConfig
+from roboscribe.pipelines import cli
+from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineSession
+from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.programs import open_program
+from roboscribe.pipelines.workspace import Home
+from roboscribe.stages import baseline, evaluate
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.runtime.store import Store
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.mlflow_store import JOURNAL
 from tests.baselines.examples import TINY
 
 TASK = TaskConfig("point-tower-3")
@@ -107,7 +107,7 @@ def test_a_damaged_network_is_refused(demonstrations: Path, tmp_path: Path) -> N
 def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
     """Run a command in an empty home without tracking; returns its exit code."""
     monkeypatch.setenv("ROBOSCRIBE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("stages.tracking.Tracker.start", lambda tracker: None)
+    monkeypatch.setattr("roboscribe.stages.tracking.tracker.Tracker.start", lambda tracker: None)
 
     def call(*arguments: object) -> int:
         monkeypatch.setattr("sys.argv", ["roboscribe", *map(str, arguments)])

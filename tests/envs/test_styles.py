@@ -16,12 +16,12 @@ from roboscribe.envs.performer import NEAR, PAUSE
 from roboscribe.envs.styles import DEFAULT, MIXED, STYLES, choices, style_names
 from roboscribe.errors import TaskError
 from roboscribe.io.validation import Screened, screen
+from roboscribe.stages.collect import Config, collect
+from roboscribe.stages.runtime.configuration import encode
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.world.layout import BoolArray, FloatArray
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
-from stages.collect import Config, collect
-from stages.settings import encode
-from stages.world import TaskConfig
 
 ATTEMPTS = 30
 HAND, BLOCK, GOAL = slice(0, 3), slice(7, 10), slice(16, 19)

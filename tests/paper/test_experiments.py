@@ -14,21 +14,21 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from pipelines.audience import Audience
-from pipelines.chain import Plan
-from pipelines.home import Home
-from pipelines.paper import cells
-from pipelines.paper.cells import Place, Synthesis
-from pipelines.paper.confined import Confinement, measure_confined
-from pipelines.paper.curves import draw_curves, make_table1
-from pipelines.paper.demos import draw_demos, ways_of
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.methods import budget_of
-from pipelines.paper.running import Runner, unheard
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import TaskError
-from stages.paper.rows import OURS, Trial, read_record
-from stages.world import TaskConfig
+from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.paper import cells
+from roboscribe.pipelines.paper.cell_runner import Runner, unheard
+from roboscribe.pipelines.paper.cells import Place, Synthesis
+from roboscribe.pipelines.paper.confined import Confinement, measure_confined
+from roboscribe.pipelines.paper.curves import draw_curves, make_table1
+from roboscribe.pipelines.paper.demos import draw_demos, ways_of
+from roboscribe.pipelines.paper.experiment import Desk, Done, Options
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.workspace import Home
+from roboscribe.stages.paper.rows import OURS, Trial, read_record
+from roboscribe.stages.runtime.task_config import TaskConfig
 from tests.pipelines.runs import Command, contents, scripted
 
 ONE, TOWER = "point-pick-place-1", "point-tower-3"
@@ -105,7 +105,7 @@ def test_table_1_takes_the_syntheses_of_the_curves(tmp_path: Path) -> None:
 
 
 def test_tasks_that_do_not_exist_are_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.paper.curves.REPORTED", {"spire-9": None, ONE: None})
+    monkeypatch.setattr("roboscribe.pipelines.paper.curves.REPORTED", {"spire-9": None, ONE: None})
     done = conduct(make_table1, replace(SMALL, tasks=(), seeds=1), tmp_path)
     assert done.missing == ("spire-9",)
     assert "| spire-9 | roboscribe | - | - | not built yet | - |  |" in done.summary
@@ -137,7 +137,7 @@ def test_demonstrations_of_another_style_are_collected_first(tmp_path: Path) -> 
 
 def test_only_the_guard_is_learned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that places blocks in any order is shown 30 towers, and its loop takes the lowest goal first."""
-    monkeypatch.setattr("pipelines.paper.confined.SHOWN", 30)
+    monkeypatch.setattr("roboscribe.pipelines.paper.confined.SHOWN", 30)
     experiment = Confinement("point-place-3", TOWER)
     options = replace(SMALL, tasks=(), seeds=1, episodes=20)
     done = measure_confined(experiment, options, desk(tmp_path), Console(file=io.StringIO()))

@@ -10,14 +10,24 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from roboscribe.stages.paper import confined, curves, demos, table1
+from roboscribe.stages.paper.report import About, Report, report_files, spell_steps
+from roboscribe.stages.paper.rows import (
+    CELL_COLUMNS,
+    COLUMNS,
+    GIVEN_UP,
+    NO_PROGRAM,
+    Point,
+    Record,
+    Trial,
+    rows_of,
+    tabulate,
+)
+from roboscribe.stages.paper.since import COMMIT, changes, newest
+from roboscribe.stages.paper.values import REPORTED
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import Child, track_experiment
 from roboscribe.steps import wilson
-from stages.experiment import Child, track_experiment
-from stages.paper import confined, curves, demos, table1
-from stages.paper.report import About, Report, report_files, spell_steps
-from stages.paper.rows import CELL_COLUMNS, COLUMNS, GIVEN_UP, NO_PROGRAM, Point, Record, Trial, rows_of, tabulate
-from stages.paper.since import COMMIT, changes, newest
-from stages.paper.values import REPORTED
-from stages.world import TaskConfig
 from tests.pipelines.stores import empty_store, points, statuses
 
 ONE = "pick-place-1"

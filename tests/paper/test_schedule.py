@@ -8,11 +8,11 @@ import pytest
 import yaml
 from rich.console import Console
 
-from pipelines.home import Home
-from pipelines.paper import everything
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.schedule import SCHEDULES, offer, scheduled
 from roboscribe.errors import TaskError
+from roboscribe.pipelines.paper import everything
+from roboscribe.pipelines.paper.experiment import Desk, Done, Options
+from roboscribe.pipelines.paper.schedule import SCHEDULES, offer, scheduled
+from roboscribe.pipelines.workspace import Home
 from tests.pipelines.runs import Command
 
 FILE = Path(everything.__file__).resolve().parent.parent / "prefect.yaml"

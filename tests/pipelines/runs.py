@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pipelines.audience import Audience
-from pipelines.chain import Plan
-from pipelines.home import Home
-from pipelines.session import Engine, Session
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
+from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.synthesis_run import Engine, Session
+from roboscribe.pipelines.workspace import Home
 from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
-from stages.events import Event
-from stages.progress import Progress
-from stages.world import TaskConfig
+from roboscribe.stages.runtime.events import Event
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 TASK = TaskConfig("point-pick-place-1")
 Command = Callable[..., int]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from pipelines.programs import evaluation, open_program
 from roboscribe.io.saved_program import load_program
+from roboscribe.pipelines.programs import evaluation, open_program
 from roboscribe.programs import TRAINED, shipped_names
-from stages.evaluate import Config
+from roboscribe.stages.evaluate import Config
 
 NAMES = shipped_names()
 

@@ -15,11 +15,19 @@ from mlflow import MlflowClient
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
-from stages.events import Event, Refined, Trained
-from stages.journal import read_records
-from stages.mlflow_store import DATABASE, STATE, database_uri, ensure_store, open_copier, run_id_of, synchronise
-from stages.progress import Progress
-from stages.tracking import Tracker, spent
+from roboscribe.stages.runtime.events import Event, Refined, Trained
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.tracking.mlflow_store import (
+    DATABASE,
+    STATE,
+    database_uri,
+    ensure_store,
+    open_copier,
+    run_id_of,
+    synchronise,
+)
+from roboscribe.stages.tracking.tracker import Tracker, spent
 from tests.pipelines.runs import run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 

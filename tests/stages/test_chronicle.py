@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from roboscribe.errors import ArtifactError
-from stages.chronicle import CHRONICLE, Chronicle, read_chronicle
-from stages.events import Abandoned, Evaluated, Event, Failed, Refined, Removed, RolledOut
+from roboscribe.stages.runtime.events import Abandoned, Evaluated, Event, Failed, Refined, Removed, RolledOut
+from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle, read_chronicle
 from tests.pipelines.runs import run, scripted
 
 
