@@ -20,6 +20,8 @@ _WORDS = {
     "opening": ("opening", "width", "aperture", "gripper", "finger", "fingers"),
 }
 """Words by which files name attributes."""
+_OTHERS = {word for words in _WORDS.values() for word in words}
+"""Words that name some attribute: a goal that is called by none is one of position."""
 _ROBOT_WORDS = ("eef", "ee", "robot", "robot0", "hand", "gripper", "tcp", "effector", "endeffector", "grip", "tool")
 _GOAL_WORDS = ("goal", "target", "desired")
 _ACTION_WORDS = ("action", "actions", "act")
@@ -104,13 +106,8 @@ def _line(name: str, wanted: str, suggestion: Suggestion) -> str:
     """Spell one entry."""
     said = suggestion.sure.get(name, suggestion.likely.get(name, ""))
     values = f"[{', '.join(map(_quoted, said))}]" if isinstance(said, list) else _quoted(said)
-    doubt = (
-        "guessed, please check; "
-        if name in suggestion.likely
-        else ""
-        if name in suggestion.sure
-        else "please fill in; "
-    )
+    doubt = "guessed, please check; " if said else "please fill in; "
+    doubt = "" if name in suggestion.sure else doubt
     return f"{_quoted(name)} = {values}  # {doubt}{wanted}"
 
 
@@ -156,7 +153,8 @@ def _hints(field: Field, column: Column, task: Task) -> bool:
     """Whether the words of a column's name speak of this attribute of this object."""
     words = {*_words(field.name)}
     kind = _WORDS.get(column.attribute.name, (column.attribute.name,))
-    if not words & {*kind} or bool(words & {*_GOAL_WORDS}) != column.goal:
+    named = words & {*kind} or (column.goal and not words & _OTHERS)
+    if not named or bool(words & {*_GOAL_WORDS}) != column.goal:
         return False
     of_robot = bool(words & {*_ROBOT_WORDS})
     if not column.of_entity:
