@@ -53,11 +53,9 @@ def suggest(contents: Contents, task: Task) -> Suggestion:
         exact = _exact(column.name, component_names(column), contents.fields)
         if exact:
             sure[column.name] = exact
-    for name, width in ((ACTION, task.action_size), (SNAPSHOT, None)):
-        counted = _counted(name, contents.fields)
-        exact = _exact(name, counted if width is None else [f"{name}[{i}]" for i in range(width)], contents.fields)
-        if exact:
-            sure[name] = exact
+    actions = _exact(ACTION, [f"{ACTION}[{i}]" for i in range(task.action_size)], contents.fields)
+    snapshots = _snapshots(contents.fields)
+    sure |= {name: said for name, said in ((ACTION, actions), (SNAPSHOT, snapshots)) if said}
     taken = {_bare(text) for said in sure.values() for text in ([said] if isinstance(said, str) else said)}
     free = [field for field in contents.fields if field.name not in taken]
     likely = _likely([c for c in columns_of(task.layout) if c.name not in sure], free, task)
@@ -114,20 +112,21 @@ def _line(name: str, wanted: str, suggestion: Suggestion) -> str:
 def _exact(name: str, components: Sequence[str], fields: Sequence[Field]) -> str | list[str] | None:
     """Find what a file names as the task does: one column, numbers of one, or one column per number."""
     for field in fields:
-        if field.name == name and (field.width == len(components) or (field.components == () and not components)):
+        if field.name == name and field.width == len(components):
             return name
-        if components and {*components} <= {*field.components}:
+        if {*components} <= {*field.components}:
             picks = [field.components.index(component) for component in components]
             return f"{field.name}[{_spelled(picks)}]"
     names = {field.name for field in fields if field.width == 1}
-    return list(components) if components and {*components} <= names else None
+    return list(components) if {*components} <= names else None
 
 
-def _counted(name: str, fields: Sequence[Field]) -> list[str]:
-    """List "snapshot[0]", "snapshot[1]", … as far as the file has them."""
-    known = {field.name for field in fields} | {part for field in fields for part in field.components}
-    count = next(i for i in range(len(known) + 1) if f"{name}[{i}]" not in known)
-    return [f"{name}[{i}]" for i in range(count)]
+def _snapshots(fields: Sequence[Field]) -> str | list[str] | None:
+    """Find simulator states, of which a task does not say how many numbers they have: one column, or one per number."""
+    names = {field.name for field in fields}
+    numbered = [name for name in names if name.startswith(f"{SNAPSHOT}[")]
+    expected = [f"{SNAPSHOT}[{i}]" for i in range(len(numbered))]
+    return SNAPSHOT if SNAPSHOT in names else expected if numbered and {*expected} == {*numbered} else None
 
 
 def _spelled(picks: Sequence[int]) -> str:
