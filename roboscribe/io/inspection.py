@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.io.atomic import Json, sha256_of
+from roboscribe.io.checksum import Checksum
 from roboscribe.io.columns import Column, columns_of
 from roboscribe.io.demonstrations import read_demonstrations
 from roboscribe.io.episodes import (
@@ -42,7 +43,6 @@ from roboscribe.io.schema import (
     metadata_of,
     metadata_problems,
 )
-from roboscribe.io.seal import Seal
 from roboscribe.io.validation import check_actions, check_column, screen
 from roboscribe.world import Layout, Task
 from roboscribe.world.layout import FloatArray
@@ -90,8 +90,8 @@ def inspect(path: Path, task: Task) -> Inspection:
         task: what it is to show.
     """
     try:
-        with open_parquet(path) as (_, file, seal):
-            if seal is Seal.BODY_DAMAGED:
+        with open_parquet(path) as (_, file, checksum):
+            if checksum is Checksum.BODY_DAMAGED:
                 return Inspection((damage_of(file, str(path)),), (), {})
             metadata = metadata_of(file.metadata.metadata)
             wrong = [*metadata_problems(metadata, task)]
