@@ -13,12 +13,12 @@ from typing import Any
 from roboscribe.baselines.config import RECIPES, BaselineConfig, Method
 from roboscribe.errors import DemonstrationError, Fail, TaskError
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
-from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
 from roboscribe.pipelines.synthesis_pipeline import Plan, demonstrations
 from roboscribe.pipelines.synthesis_run import Engine, publish
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages import baseline, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.runtime.code_version import code_version
@@ -28,7 +28,7 @@ from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.task_config import TaskConfig
-from roboscribe.stages.steps import Call
+from roboscribe.stages.steps import RunStage
 from roboscribe.stages.tracking.tracker import Tracker
 
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
@@ -108,7 +108,7 @@ class Work:
     """
 
     plan: BaselinePlan
-    call: Call
+    call: RunStage
     tell: Listener
     shown: Path | None = None
     digest: str = ""
@@ -159,7 +159,7 @@ class Work:
 
 
 @dataclass(frozen=True)
-class BaselineSession:
+class BaselineRun:
     """Everything one baseline needs.
 
     Args:
@@ -171,12 +171,12 @@ class BaselineSession:
     """
 
     plan: BaselinePlan
-    home: Home
+    home: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
 
-    def run(self, audience: Audience) -> dict[str, Json] | Fail:
+    def run(self, callbacks: Callbacks) -> dict[str, Json] | Fail:
         """Train and evaluate, or go on where the same plan was interrupted.
 
         Returns:
@@ -191,7 +191,7 @@ class BaselineSession:
             if self.track:
                 tracker.start()
             try:
-                work = self._work(audience, tracker)
+                work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)
             except BaseException as error:
                 tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
@@ -208,20 +208,20 @@ class BaselineSession:
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
-    def _work(self, audience: Audience, tracker: Tracker) -> Work:
+    def _work(self, callbacks: Callbacks, tracker: Tracker) -> Work:
         """Run the stages."""
         store = Store(self.home.data / "stages")
 
         def watch(progress: Progress) -> None:
             tracker.watch(progress)
-            audience.watch(progress)
+            callbacks.watch(progress)
 
         def tell(event: Event) -> None:
             tracker.listen(event)
-            audience.listen(event)
+            callbacks.listen(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            audience.begin(label)
+            callbacks.begin(label)
             return store.run(stage, config, inputs, watch)
 
         work = Work(self.plan, call, tell)

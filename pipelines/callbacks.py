@@ -10,7 +10,7 @@ from roboscribe.stages.runtime.progress import Report
 
 
 @dataclass(frozen=True)
-class Audience:
+class Callbacks:
     """Who watches: told which stage begins, what happens, and how far the work is."""
 
     begin: Callable[[str], None]

@@ -119,11 +119,11 @@ def synthesize(
 ) -> None:
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
     from roboscribe.errors import Fail
-    from roboscribe.evaluation import spell_success
-    from roboscribe.pipelines.console import Story
+    from roboscribe.evaluation import format_success
+    from roboscribe.pipelines.console import SynthesisConsole
     from roboscribe.pipelines.synthesis_pipeline import Plan
-    from roboscribe.pipelines.synthesis_run import Session
-    from roboscribe.pipelines.workspace import Home
+    from roboscribe.pipelines.synthesis_run import SynthesisRun
+    from roboscribe.pipelines.workspace import Workspace
     from roboscribe.rl.config import TrainConfig
     from roboscribe.stages.runtime.task_config import TaskConfig
     from roboscribe.steps import Limits
@@ -134,12 +134,12 @@ def synthesize(
     limits = Limits(success=success)
     plan = Plan(where, seed, profile, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
     _make_room(*(path for path in (out, json) if path is not None))
-    with Story(console) as story:
-        session = Session(plan, Home(home), "local" if engine is Engine.local else "prefect", out)
-        result = session.run(story.audience())
+    with SynthesisConsole(console) as story:
+        session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
+        result = session.run(story.callbacks())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
-    _say(f"success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
+    _say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     if float(str(result["ci_high"])) < success:
         _say(f"this is the best program found, below the {success:.0%} asked for")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
@@ -160,10 +160,10 @@ def adapt(
     from roboscribe.errors import Fail
     from roboscribe.pipelines.adaptation import adapt_saved, save
     from roboscribe.pipelines.programs import program_directory
-    from roboscribe.pipelines.workspace import Home
+    from roboscribe.pipelines.workspace import Workspace
 
     _make_room(out)
-    with program_directory(program, Home(home).mlruns) as directory:
+    with program_directory(program, Workspace(home).mlruns) as directory:
         adaptation = adapt_saved(directory, demos, task)
         if isinstance(adaptation, Fail):
             _say(f"FAIL: {adaptation.reason}")
@@ -186,15 +186,15 @@ def evaluate(
     home: HomeDir = Path(),
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
-    from roboscribe.evaluation import spell_success
-    from roboscribe.pipelines.programs import evaluation, open_program, program_directory
-    from roboscribe.pipelines.workspace import Home
+    from roboscribe.evaluation import format_success
+    from roboscribe.pipelines.programs import evaluation, load_with_task, program_directory
+    from roboscribe.pipelines.workspace import Workspace
     from roboscribe.stages.evaluate import Config
 
-    with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
-        opened, where = open_program(directory, task, contact, timing)
+    with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
+        opened, where = load_with_task(directory, task, contact, timing)
         result = evaluation(opened, Config(where, seed, episodes), report)
-    _say(f"{where.name}: success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
+    _say(f"{where.name}: success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     failing = result["failing"]
     assert isinstance(failing, list)
@@ -221,24 +221,24 @@ def render(
     """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
     from roboscribe.envs.render import check_suffix
     from roboscribe.pipelines import film_selection
-    from roboscribe.pipelines.programs import open_program, program_directory
-    from roboscribe.pipelines.workspace import Home
-    from roboscribe.stages.film import Shooting
+    from roboscribe.pipelines.programs import load_with_task, program_directory
+    from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.stages.film import FilmOptions
 
     columns, rows = film_selection.grid(grid)
     first, count = episode or 0, columns * rows
     out = out or Path(f"{Path(program).resolve().name}.mp4")
     check_suffix(out)
     _make_room(out)
-    with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
-        opened, where = open_program(directory, task, contact, timing)
+    with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
+        opened, where = load_with_task(directory, task, contact, timing)
         episodes = list(range(first, first + count))
         if failing:
             episodes = film_selection.failing_episodes(opened, where, seed, count, first, report)
         if not episodes:
             _say(f"none of the episodes {first} to {first + film_selection.SEARCHED - 1} fails; nothing is filmed")
             return
-        shooting = Shooting(columns, rows, slow)
+        shooting = FilmOptions(columns, rows, slow)
         path, solved = film_selection.shoot(opened, where, seed, episodes, out, shooting)
     _say(f"{path}: episode{'s' * (len(episodes) > 1)} {', '.join(map(str, episodes))}, {len(solved)} solved")
 
@@ -248,7 +248,7 @@ def programs() -> None:
     """List the shipped programs; success as measured when they were made, with its 95 % Wilson interval."""
     from rich.table import Table
 
-    from roboscribe.evaluation import spell_success
+    from roboscribe.evaluation import format_success
     from roboscribe.programs import shipped_programs
 
     table = Table(box=None, padding=(0, 2, 0, 0))
@@ -256,7 +256,7 @@ def programs() -> None:
         table.add_column(title)
     for shipped in shipped_programs():
         made = [Text(str(shipped.manifest[entry])) for entry in ("task", "seed", "profile")]
-        success, size = spell_success(shipped.manifest["figures"]), f"{shipped.size / 1000:.0f} kB"
+        success, size = format_success(shipped.manifest["figures"]), f"{shipped.size / 1000:.0f} kB"
         table.add_row(Text(shipped.name), *made, success, size)
     console.print(table)
 
@@ -264,9 +264,9 @@ def programs() -> None:
 @app.command()
 def serve(home: HomeDir = Path()) -> None:
     """Offer the scheduled runs of the paper's experiments to a Prefect server, one at a time, until interrupted."""
-    from roboscribe.pipelines.paper.schedule import offer
+    from roboscribe.pipelines.paper.schedule import serve_schedules
 
-    offer(home)
+    serve_schedules(home)
 
 
 @app.command()
@@ -276,10 +276,10 @@ def ui(
 ) -> None:
     """Show what was tracked in MLflow's interface, on 127.0.0.1 only."""
     from roboscribe.pipelines import mlflow_server
-    from roboscribe.pipelines.workspace import Home
+    from roboscribe.pipelines.workspace import Workspace
 
     _say(f"http://127.0.0.1:{port}")
-    mlflow_server.serve(Home(home), port)
+    mlflow_server.serve(Workspace(home), port)
 
 
 for commands in (baseline, inspection, data):
@@ -340,9 +340,9 @@ def _make_room(*files: Path) -> None:
 @contextmanager
 def _bar() -> Iterator[Report]:
     """Show one progress bar for work that has no story."""
-    from roboscribe.pipelines.progress_bar import Bar
+    from roboscribe.pipelines.progress_bar import ProgressBar
 
-    with Bar(console) as bar:
+    with ProgressBar(console) as bar:
         yield bar.watch
 
 

@@ -12,8 +12,8 @@ from rich.text import Text
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.printer import pretty, text
 from roboscribe.dsl.rewrite import controllers
-from roboscribe.pipelines.callbacks import Audience
-from roboscribe.pipelines.progress_bar import Bar
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.progress_bar import ProgressBar
 from roboscribe.search.candidates import Candidate
 from roboscribe.stages.runtime.events import (
     Abandoned,
@@ -34,7 +34,7 @@ ROWS = 5
 """Rows of a ranked table that are shown; all of them are tracked."""
 
 
-class Story(Bar):
+class SynthesisConsole(ProgressBar):
     """Prints what happens above the bar."""
 
     def __init__(self, console: Console) -> None:
@@ -43,9 +43,9 @@ class Story(Bar):
         self._refinements = 0
         self._tried = ""
 
-    def audience(self) -> Audience:
+    def callbacks(self) -> Callbacks:
         """Return the ears of a session."""
-        return Audience(self.begin, self.listen, self.watch)
+        return Callbacks(self.begin, self.listen, self.watch)
 
     def listen(self, event: Event) -> None:
         """Tell an event."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from roboscribe.errors import TaskError
 from roboscribe.evaluation import PURPOSE, episode_seeds, waves
 from roboscribe.runnable import Runnable
-from roboscribe.stages.film import Shooting, film, takes
+from roboscribe.stages.film import FilmOptions, film, record_episodes
 from roboscribe.stages.runtime.progress import Report, episode_watch, silent
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
@@ -61,7 +61,7 @@ def failing_episodes(
 
 
 def shoot(
-    program: Runnable, where: TaskConfig, seed: int, episodes: Sequence[int], out: Path, how: Shooting
+    program: Runnable, where: TaskConfig, seed: int, episodes: Sequence[int], out: Path, how: FilmOptions
 ) -> tuple[Path, list[int]]:
     """Film episodes of a seed's evaluation.
 
@@ -70,6 +70,6 @@ def shoot(
     """
     task = where.make()
     seeds = episode_seeds(seed, PURPOSE, max(episodes) + 1)[list(episodes)]
-    shown = takes(program, task, episodes, seeds)
+    shown = record_episodes(program, task, episodes, seeds)
     solved = [number for number, take in zip(episodes, shown, strict=True) if take.solved]
     return film(program, task, shown, out, how), solved

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import sys
 
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.tracking.mlflow_store import ARTIFACTS, database_uri, synchronise
 
 
-def serve(home: Home, port: int) -> None:
+def serve(home: Workspace, port: int) -> None:
     """Bring the store up to date and become MLflow's server; foreign hosts and origins are refused."""
     synchronise(home.data / "runs", home.mlruns)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # workers for what is not used here

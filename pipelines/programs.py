@@ -67,7 +67,7 @@ def _tracked(run_id: str, mlruns: Path) -> Iterator[Path]:
         yield found
 
 
-def open_program(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
+def load_with_task(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
     """Load a program and check that it can run on a task.
 
     Args:

@@ -12,10 +12,10 @@ from rich.text import Text
 
 from roboscribe.stages.runtime.progress import Progress
 
-Self = TypeVar("Self", bound="Bar")
+Self = TypeVar("Self", bound="ProgressBar")
 
 
-class Bar:
+class ProgressBar:
     """Says what is being worked on and how far it is. Nothing it prints is read as markup."""
 
     def __init__(self, console: Console) -> None:

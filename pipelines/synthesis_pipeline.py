@@ -16,7 +16,7 @@ from roboscribe.stages import collect, evaluate, film, ingest, package
 from roboscribe.stages.runtime.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_fail, read_json
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
-from roboscribe.stages.steps import Call, Library, Put, Setting, Staged
+from roboscribe.stages.steps import ControllerFiles, RunStage, Setting, StagedSteps, StoreValue
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Synthesized:
+class SynthesisResult:
     """What a synthesis found.
 
     Args:
@@ -60,13 +60,13 @@ class Synthesized:
         directory: the saved program, in the store.
     """
 
-    solution: Solution[Library]
+    solution: Solution[ControllerFiles]
     profile: str
     figures: dict[str, Any]
     directory: Path
 
 
-def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fail:
+def run_pipeline(plan: Plan, call: RunStage, put: StoreValue, tell: Listener) -> SynthesisResult | Fail:
     """Collect or take demonstrations, run Algorithm 1, evaluate and package.
 
     Args:
@@ -82,8 +82,8 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
     profile = settled_profile(plan.profile, report["actions"], plan.demonstrations or DEMONSTRATIONS)
     tell(Ingested(report, profile))
     setting = _setting(plan, profile, shown)
-    staged = Staged(setting, call, put, tell)
-    solution = roboscribe(staged.steps(), Library(), plan.limits)
+    staged = StagedSteps(setting, call, put, tell)
+    solution = roboscribe(staged.steps(), ControllerFiles(), plan.limits)
     if isinstance(solution, Fail):
         tell(Failed(solution.reason))
         return solution
@@ -101,7 +101,7 @@ def chain(plan: Plan, call: Call, put: Put, tell: Listener) -> Synthesized | Fai
         scene = film.Config(plan.task, plan.seed, plan.training.confirm)
         filmed = call("film program", film.STAGE, scene, running)
         tell(Filmed(next(filmed.glob("rollout.*"))))
-    return Synthesized(solution, profile, figures, directory)
+    return SynthesisResult(solution, profile, figures, directory)
 
 
 def command(plan: Plan, profile: str | None) -> str:
@@ -127,7 +127,7 @@ def command(plan: Plan, profile: str | None) -> str:
     return shlex.join(words)
 
 
-def show(plan: Plan, call: Call) -> Path:
+def show(plan: Plan, call: RunStage) -> Path:
     """Return the file of demonstrations, given or collected.
 
     Raises:
@@ -143,7 +143,7 @@ def show(plan: Plan, call: Call) -> Path:
     return given
 
 
-def demonstrations(plan: Plan, call: Call) -> tuple[Path, dict[str, Any] | Fail]:
+def demonstrations(plan: Plan, call: RunStage) -> tuple[Path, dict[str, Any] | Fail]:
     """Return the file of usable demonstrations and what is said about it."""
     given = show(plan, call)
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})

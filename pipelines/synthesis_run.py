@@ -12,11 +12,11 @@ from typing import Literal, TypeAlias, assert_never
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
-from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan, Synthesized, chain, command, show
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.synthesis_pipeline import Plan, SynthesisResult, command, run_pipeline, show
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode
@@ -49,7 +49,7 @@ Engine: TypeAlias = Literal["prefect", "local"]
 
 
 @dataclass
-class Tally:
+class ControlStepCounter:
     """Counts the control steps of a synthesis, those of cached stages included."""
 
     env_steps: int = 0
@@ -78,7 +78,7 @@ class Tally:
 
 
 @dataclass(frozen=True)
-class Session:
+class SynthesisRun:
     """Everything one synthesis needs.
 
     Args:
@@ -90,12 +90,12 @@ class Session:
     """
 
     plan: Plan
-    home: Home
+    home: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
 
-    def run(self, audience: Audience) -> dict[str, Json] | Fail:
+    def run(self, callbacks: Callbacks) -> dict[str, Json] | Fail:
         """Synthesize, or go on with an interrupted synthesis of the same plan.
 
         Returns:
@@ -108,11 +108,11 @@ class Session:
             tracker = Tracker(directory, self.home.mlruns, self._params(), self._title(), self.plan.task.name)
             if self.track:
                 tracker.start()
-            tally = Tally()
+            counter = ControlStepCounter()
             chronicle = Chronicle(directory / CHRONICLE, self._about(commit))
             try:
-                found = self._synthesize(audience, (tally.listen, tracker.listen, chronicle.listen), tracker)
-                result = found if isinstance(found, Fail) else self._result(found, tally, commit)
+                found = self._synthesize(callbacks, (counter.listen, tracker.listen, chronicle.listen), tracker)
+                result = found if isinstance(found, Fail) else self._result(found, counter, commit)
             except BaseException as error:
                 killed = isinstance(error, KeyboardInterrupt | SystemExit)
                 tracker.status("KILLED" if killed else "FAILED")
@@ -128,7 +128,7 @@ class Session:
                 tracker.close()
                 return result
             figures = {name: float(str(result[name])) for name in FIGURES}
-            tracker.result({**figures, SECONDS: seconds}, tally.env_steps)
+            tracker.result({**figures, SECONDS: seconds}, counter.env_steps)
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
@@ -149,35 +149,37 @@ class Session:
         text = canonical_json({"plan": plan, "demonstrations": digest, "code": code})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
-    def _synthesize(self, audience: Audience, listeners: tuple[Listener, ...], tracker: Tracker) -> Synthesized | Fail:
+    def _synthesize(
+        self, callbacks: Callbacks, listeners: tuple[Listener, ...], tracker: Tracker
+    ) -> SynthesisResult | Fail:
         store = Store(self.home.data / "stages")
 
         def watch(progress: Progress) -> None:
             tracker.watch(progress)
-            audience.watch(progress)
+            callbacks.watch(progress)
 
         def tell(event: Event) -> None:
-            for listen in (*listeners, audience.listen):
+            for listen in (*listeners, callbacks.listen):
                 listen(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            audience.begin(label)
+            callbacks.begin(label)
             return store.run(stage, config, inputs, watch)
 
         if self.engine == "local":
-            return chain(self.plan, call, store.put, tell)
+            return run_pipeline(self.plan, call, store.put, tell)
         with prefect_server(self.home.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
             show(self.plan, call)  # while the server starts; the flow then finds the stage done
             return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
 
-    def _result(self, found: Synthesized, tally: Tally, commit: str) -> dict[str, Json]:
+    def _result(self, found: SynthesisResult, counter: ControlStepCounter, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""
         plan, figures = self.plan, found.figures
         name = f"{program_name(plan.task.name)}-{found.profile}-seed{plan.seed}"
         out = self.out or self.home.data / "programs" / name
-        publish(found.directory, out, {"env_steps": tally.env_steps}, commit)
+        publish(found.directory, out, {"env_steps": counter.env_steps}, commit)
         return {
             "task": plan.task.name,
             "seed": plan.seed,
@@ -187,7 +189,7 @@ class Session:
             "ci_low": figures["ci_low"],
             "ci_high": figures["ci_high"],
             "refinements": len(found.solution.refinements),
-            "env_steps": tally.env_steps,
+            "env_steps": counter.env_steps,
             "evaluation_steps": figures["control_steps"],
             "program": (found.directory / PROGRAM).read_text(encoding="utf-8"),
             "tree": tree_to_json(found.solution.tree),

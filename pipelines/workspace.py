@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 @dataclass(frozen=True)
-class Home:
+class Workspace:
     """A directory: stages, runs and programs under `data`, tracking under `mlruns`."""
 
     path: Path

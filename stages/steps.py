@@ -46,14 +46,14 @@ from roboscribe.tree_json import tree_to_json
 from roboscribe.world.layout import FloatArray
 
 
-class Call(Protocol):
+class RunStage(Protocol):
     """Runs a stage under a name that tells a reader what it is for; returns the directory of its outputs."""
 
     def __call__(self, label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
         """Run or find the outputs."""
 
 
-Put: TypeAlias = Callable[[str, bytes], Path]
+StoreValue: TypeAlias = Callable[[str, bytes], Path]
 """Stores a small value as a file, see `Store.put`."""
 
 
@@ -79,7 +79,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Library:
+class ControllerFiles:
     """Controllers as they pass through Algorithm 2: the training stage's outputs, and their names.
 
     Args:
@@ -102,15 +102,15 @@ class Library:
 
 
 @dataclass(frozen=True)
-class Staged:
+class StagedSteps:
     """Turns values into files, calls stages, and turns files back into values."""
 
     setting: Setting
-    call: Call
-    put: Put
+    call: RunStage
+    put: StoreValue
     tell: Listener
 
-    def steps(self) -> Steps[Library]:
+    def steps(self) -> Steps[ControllerFiles]:
         """Return the pieces of Algorithm 2."""
         return Steps(
             generate=self.generate,
@@ -136,7 +136,7 @@ class Staged:
         out = self.call(f"generate program for {goal}", generate.STAGE, config, self.shown(tree))
         return read_fail(out) or read_program(out / PROGRAM)
 
-    def train(self, program: Program, goal: str, tree: Tree, library: Library) -> Library:
+    def train(self, program: Program, goal: str, tree: Tree, library: ControllerFiles) -> ControllerFiles:
         """TRAINPROGRAM.
 
         Departs: a controller whose node got another predecessor since it was trained is trained afresh, for it now
@@ -151,20 +151,20 @@ class Staged:
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
         self.tell(Trained(goal, tuple(read_json(out / train.REPORTS)), out / METRICS))
-        return Library(out, {**library.grounds, **now})
+        return ControllerFiles(out, {**library.grounds, **now})
 
-    def roll_out(self, program: Program, goal: str, library: Library) -> Outcome:
+    def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""
         out = self._roll_out(f"roll out {goal}", program, goal, library, self.setting.episodes)
         self.tell(RolledOut(goal, read_json(out / OUTCOME), out / EPISODES))
         return read_outcome(out)
 
-    def check(self, program: Program, goal: str, library: Library) -> Outcome:
+    def check(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P) for a few episodes."""
         episodes = min(CHECKED, self.setting.episodes)
         return read_outcome(self._roll_out("check a shorter program", program, goal, library, episodes))
 
-    def _roll_out(self, label: str, program: Program, goal: str, library: Library, episodes: int) -> Path:
+    def _roll_out(self, label: str, program: Program, goal: str, library: ControllerFiles, episodes: int) -> Path:
         setting = self.setting
         config = roll_out.Config(setting.task, goal, setting.seed, episodes, setting.training.confirm)
         return self.call(label, roll_out.STAGE, config, {"program": self.program(program), **library.runnable()})

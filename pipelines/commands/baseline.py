@@ -41,10 +41,10 @@ def baseline(
     from roboscribe.baselines.config import method_named
     from roboscribe.errors import Fail
     from roboscribe.io.atomic import indented_json, write_file
-    from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineSession, engine_named
-    from roboscribe.pipelines.callbacks import Audience
-    from roboscribe.pipelines.progress_bar import Bar
-    from roboscribe.pipelines.workspace import Home
+    from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun, engine_named
+    from roboscribe.pipelines.callbacks import Callbacks
+    from roboscribe.pipelines.progress_bar import ProgressBar
+    from roboscribe.pipelines.workspace import Workspace
     from roboscribe.stages.runtime.task_config import TaskConfig
 
     where = TaskConfig(task, contact, timing)
@@ -53,9 +53,9 @@ def baseline(
     for path in (out, json):
         if path is not None:
             path.resolve().parent.mkdir(parents=True, exist_ok=True)
-    with Bar(console) as bar:
-        session = BaselineSession(plan, Home(home), engine_named(engine), out)
-        result = session.run(Audience(bar.begin, lambda event: None, bar.watch))
+    with ProgressBar(console) as bar:
+        session = BaselineRun(plan, Workspace(home), engine_named(engine), out)
+        result = session.run(Callbacks(bar.begin, lambda event: None, bar.watch))
     if isinstance(result, Fail):
         console.print(Text(f"FAIL: {result.reason}"), soft_wrap=True)
         raise typer.Exit(NO_RESULT)
@@ -66,9 +66,9 @@ def baseline(
 
 def _tell(result: dict[str, Json]) -> None:
     """Say what was found."""
-    from roboscribe.evaluation import spell_success
+    from roboscribe.evaluation import format_success
 
-    lines = [f"success {spell_success(result)} of {result['episodes']} episodes, 95 % interval"]
+    lines = [f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval"]
     if result["hopeless"]:
         lines.append(f"given up: no success in any evaluation of {result['env_steps']} control steps")
     spent = f"{result['env_steps']} control steps, {result['gradient_steps']} gradient steps"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from uuid import UUID
 
-from roboscribe.pipelines.flows.prefect_records import reported_to, wait_for_records
+from roboscribe.pipelines.flows.prefect_records import recording_to, wait_for_records
 from roboscribe.pipelines.flows.prefect_server import PrefectServer
 
 
@@ -37,5 +37,5 @@ def measure_with_prefect(
             run_one(label, number)
         wait_for_records(UUID(flow_run.get_id()), count)
 
-    with reported_to(server):
+    with recording_to(server):
         measuring(len(labels))

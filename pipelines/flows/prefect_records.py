@@ -37,7 +37,7 @@ def wait_for_records(flow_run: UUID, tasks: int) -> bool:
 
 
 @contextmanager
-def reported_to(server: PrefectServer) -> Iterator[None]:
+def recording_to(server: PrefectServer) -> Iterator[None]:
     """Let flows within report to a server, once it answers, and have told it all when they are over.
 
     Raises:

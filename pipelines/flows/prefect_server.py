@@ -24,7 +24,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from roboscribe.errors import RoboScribeError
-from roboscribe.pipelines.flows.prefect_settings import quiet_prefect
+from roboscribe.pipelines.flows.prefect_settings import configure_prefect
 from roboscribe.stages.runtime.code_version import ROOT
 
 PATIENCE = 180.0
@@ -83,7 +83,7 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
         home: where Prefect keeps its database.
     """
     theirs = _chosen()
-    quiet_prefect(home)
+    configure_prefect(home)
     server = _start(home) if theirs is None else PrefectServer(theirs)
     try:
         yield server

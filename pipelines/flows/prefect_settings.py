@@ -20,7 +20,7 @@ SETTINGS = {
 }
 
 
-def quiet_prefect(home: Path | None = None) -> None:
+def configure_prefect(home: Path | None = None) -> None:
     """Make the settings, except those that the user made.
 
     Args:

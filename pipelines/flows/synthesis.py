@@ -9,19 +9,19 @@ from uuid import UUID
 
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
-from roboscribe.pipelines.flows.prefect_records import reported_to, wait_for_records
+from roboscribe.pipelines.flows.prefect_records import recording_to, wait_for_records
 from roboscribe.pipelines.flows.prefect_server import PrefectServer
-from roboscribe.pipelines.synthesis_pipeline import Plan, Synthesized, chain
+from roboscribe.pipelines.synthesis_pipeline import Plan, SynthesisResult, run_pipeline
 from roboscribe.stages.runtime.configuration import encode
 from roboscribe.stages.runtime.events import Listener
 from roboscribe.stages.runtime.store import AnyStage, Inputs
-from roboscribe.stages.steps import Call, Put
+from roboscribe.stages.steps import RunStage, StoreValue
 
 
 def synthesize_with_prefect(
-    title: str, plan: Plan, call: Call, put: Put, tell: Listener, server: PrefectServer
-) -> Synthesized | Fail:
-    """Run `chain` as a flow whose stages are named task runs; results do not pass through Prefect.
+    title: str, plan: Plan, call: RunStage, put: StoreValue, tell: Listener, server: PrefectServer
+) -> SynthesisResult | Fail:
+    """Run `run_pipeline` as a flow whose stages are named task runs; results do not pass through Prefect.
 
     Args:
         title: what the flow run is called.
@@ -49,10 +49,10 @@ def synthesize_with_prefect(
         return Path(run_stage(label, stage.name, encode(config), {name: str(path) for name, path in inputs.items()}))
 
     @flow(name="synthesis", flow_run_name=title, retries=0, persist_result=False)
-    def synthesis(task_name: str, seed: int) -> Synthesized | Fail:
-        found = chain(plan, named, put, tell)
+    def synthesis(task_name: str, seed: int) -> SynthesisResult | Fail:
+        found = run_pipeline(plan, named, put, tell)
         wait_for_records(UUID(flow_run.get_id()), len(called))
         return found
 
-    with reported_to(server):
+    with recording_to(server):
         return synthesis(plan.task.name, plan.seed)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from roboscribe.pipelines.callbacks import Audience
-from roboscribe.pipelines.console import Story
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.console import SynthesisConsole
 from roboscribe.pipelines.flows.prefect_server import prefect_server
-from roboscribe.pipelines.flows.prefect_settings import quiet_prefect
-from roboscribe.pipelines.paper.cells import Cell, Place
+from roboscribe.pipelines.flows.prefect_settings import configure_prefect
+from roboscribe.pipelines.paper.cells import Cell, CellContext
 from roboscribe.pipelines.synthesis_run import Engine
 
 DASK = "dask"
@@ -41,7 +41,7 @@ class Runner:
 def run_cells(
     title: str,
     cells: Sequence[Cell],
-    place: Place,
+    context: CellContext,
     runner: Runner,
     console: Console,
     say: Callable[[int, Path], str] = lambda number, out: "",
@@ -53,7 +53,7 @@ def run_cells(
     Args:
         title: of the experiment.
         cells: what is computed.
-        place: where.
+        context: where.
         runner: what runs them.
         console: where the story is told.
         say: what is said after a cell; "" is nothing.
@@ -61,16 +61,16 @@ def run_cells(
     if not cells:
         return []
     if runner.parallel:
-        quiet_prefect(place.home.data / "prefect")
+        configure_prefect(context.home.data / "prefect")
         from roboscribe.pipelines.paper.cluster import compute_with_dask
 
-        compute_with_dask(title, cells, place, runner.workers, runner.address)
+        compute_with_dask(title, cells, context, runner.workers, runner.address)
     found: dict[int, Path] = {}
-    with Story(console) as story:
+    with SynthesisConsole(console) as story:
 
         def compute(number: int) -> None:
             story.say(str(cells[number]), "bold")
-            found[number] = cells[number].run(place, story.audience())
+            found[number] = cells[number].run(context, story.callbacks())
             line = say(number, found[number])
             if line:
                 story.say(f"{cells[number]}: {line}")
@@ -79,13 +79,13 @@ def run_cells(
             for number in range(len(cells)):
                 compute(number)
         else:
-            with prefect_server(place.home.data / "prefect") as server:
+            with prefect_server(context.home.data / "prefect") as server:
                 from roboscribe.pipelines.flows.measurement import measure_with_prefect
 
                 measure_with_prefect(title, [str(cell) for cell in cells], compute, server)
     return [found[number] for number in range(len(cells))]
 
 
-def unheard() -> Audience:
+def no_callbacks() -> Callbacks:
     """Return an audience that does not listen: what happens in other processes is not told here."""
-    return Audience(lambda label: None, lambda event: None, lambda progress: None)
+    return Callbacks(lambda label: None, lambda event: None, lambda progress: None)

@@ -14,7 +14,7 @@ from rich.text import Text
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir
 
 if TYPE_CHECKING:
-    from roboscribe.pipelines.paper.experiment import Desk, Done, Options
+    from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 
 T = TypeVar("T")
 NO_PROGRAM = 3
@@ -235,19 +235,21 @@ def _options(
     return Options(tasks, methods, profiles, seeds, episodes, budget, quick, given)
 
 
-def _desk(home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None) -> Desk:
+def _desk(
+    home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None
+) -> ExperimentContext:
     """Say where and how the work is done."""
     from roboscribe.pipelines.paper.cell_runner import Runner
-    from roboscribe.pipelines.paper.experiment import Desk
-    from roboscribe.pipelines.workspace import Home
+    from roboscribe.pipelines.paper.experiment import ExperimentContext
+    from roboscribe.pipelines.workspace import Workspace
 
     _make_room(out)
     parallel = runner is RunnerName.dask or bool(address)
     chosen = Runner("local" if engine is EngineName.local else "prefect", workers * parallel, address)
-    return Desk(Home(home), chosen, out)
+    return ExperimentContext(Workspace(home), chosen, out)
 
 
-def _end(done: Done) -> None:
+def _end(done: ExperimentResult) -> None:
     """Print what was found; exit code 3 where a synthesis found no program."""
     if done.summary:
         _say(done.summary)

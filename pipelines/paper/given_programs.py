@@ -10,12 +10,12 @@ from typing import Any
 
 from roboscribe.io.saved_program import load_program
 from roboscribe.pipelines.programs import program_directory
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.paper.rows import OURS
 
 
 @dataclass(frozen=True)
-class Given:
+class GivenProgram:
     """A saved program or baseline.
 
     Args:
@@ -34,7 +34,7 @@ class Given:
 
 
 @contextmanager
-def given_program(name: str, home: Home) -> Iterator[Given]:
+def given_program(name: str, home: Workspace) -> Iterator[GivenProgram]:
     """Find a program by its directory, MLflow run id or shipped name.
 
     Raises:
@@ -43,4 +43,4 @@ def given_program(name: str, home: Home) -> Iterator[Given]:
     with program_directory(name, home.mlruns) as directory:
         manifest: Mapping[str, Any] = load_program(directory).manifest
         method = str(manifest.get("method", OURS))
-        yield Given(manifest["task"], method, manifest["profile"], manifest["seed"], directory)
+        yield GivenProgram(manifest["task"], method, manifest["profile"], manifest["seed"], directory)

@@ -22,7 +22,7 @@ from roboscribe.stages.runtime.events import (
     RolledOut,
     Trained,
 )
-from roboscribe.stages.tracking.chronicle import Account, Told
+from roboscribe.stages.tracking.chronicle import EventLog, LoggedEvent
 from roboscribe.steps import wilson
 from roboscribe.subtask_tree import ROOT
 
@@ -126,7 +126,7 @@ class Chapters:
         return tuple(each for each in self.tried if each.goal == ROOT)
 
 
-def chapters(account: Account | None) -> Chapters:
+def chapters(account: EventLog | None) -> Chapters:
     """Read an account; without one there are no chapters.
 
     Raises:
@@ -146,7 +146,7 @@ class _Reader:
         self.found: dict[str, Any] = {}
         self._steps = 0
 
-    def read(self, told: Told) -> None:
+    def read(self, told: LoggedEvent) -> None:
         event = told.event
         match event:
             case Ingested(report, profile):

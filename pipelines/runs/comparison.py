@@ -8,12 +8,12 @@ from difflib import unified_diff
 from roboscribe.io.atomic import Json
 from roboscribe.pipelines.report.chapters import chapters
 from roboscribe.pipelines.report.figures import figures, side_by_side
-from roboscribe.pipelines.runs.lookup import Found
+from roboscribe.pipelines.runs.lookup import LoadedRun
 
 STYLES = {"+": "green", "-": "red", "@": "cyan"}
 
 
-def compared(one: Found, other: Found) -> Iterator[tuple[str, str]]:
+def compared(one: LoadedRun, other: LoadedRun) -> Iterator[tuple[str, str]]:
     """Yield lines with their style: the programs' difference, then what differs in configuration and figures."""
     lines = list(unified_diff(_program(one), _program(other), one.name, other.name, n=99, lineterm=""))
     yield from ((line, STYLES.get(line[:1], "")) for line in lines or ["the programs are the same"])
@@ -25,7 +25,7 @@ def compared(one: Found, other: Found) -> Iterator[tuple[str, str]]:
     yield from _differences("figures", *({k: v for k, v in column.items() if k not in known} for column in measured))
 
 
-def _program(found: Found) -> list[str]:
+def _program(found: LoadedRun) -> list[str]:
     return [] if found.program is None else found.program.program_text.splitlines()
 
 
@@ -38,7 +38,7 @@ def _differences(what: str, one: Mapping[str, str], other: Mapping[str, str]) ->
         yield f"  {name:<{width}}  {mine} → {theirs}", ""
 
 
-def settings_of(found: Found) -> dict[str, str]:
+def settings_of(found: LoadedRun) -> dict[str, str]:
     """List every setting by its dotted name: of the run's plan where it is known, else of the program's manifest."""
     if found.account is not None:
         plan: Mapping[str, Json] = found.account.about["plan"]

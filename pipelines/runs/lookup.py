@@ -16,11 +16,11 @@ from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
 from roboscribe.pipelines.programs import program_directory
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.programs import shipped_names
 from roboscribe.stages.runtime.events import Packaged
 from roboscribe.stages.runtime.journal import read_records
-from roboscribe.stages.tracking.chronicle import CHRONICLE, Account, read_chronicle
+from roboscribe.stages.tracking.chronicle import CHRONICLE, EventLog, read_event_log
 from roboscribe.stages.tracking.mlflow_store import DATABASE, ENDED, JOURNAL, PARENT, download, run_id_of
 
 KEY = re.compile(r"[0-9a-f]{4,32}")
@@ -41,7 +41,7 @@ class Run:
 
     directory: Path
     status: str
-    account: Account
+    account: EventLog
 
     @property
     def key(self) -> str:
@@ -57,7 +57,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Found:
+class LoadedRun:
     """What there is under a name that a user gave.
 
     Args:
@@ -71,7 +71,7 @@ class Found:
     name: str
     directory: Path | None
     program: SavedProgram | None
-    account: Account | None
+    account: EventLog | None
     status: str = ""
 
     @property
@@ -80,7 +80,7 @@ class Found:
         return {} if self.program is None else self.program.manifest
 
 
-def list_runs(home: Home) -> tuple[Run, ...]:
+def list_runs(home: Workspace) -> tuple[Run, ...]:
     """List the runs of a home, the latest first; one that was killed before its first word is none.
 
     Raises:
@@ -91,7 +91,7 @@ def list_runs(home: Home) -> tuple[Run, ...]:
 
 
 @contextmanager
-def open_run(name: str, home: Home) -> Iterator[Found]:
+def open_run(name: str, home: Workspace) -> Iterator[LoadedRun]:
     """Find a run or program.
 
     Args:
@@ -106,7 +106,7 @@ def open_run(name: str, home: Home) -> Iterator[Found]:
     if run is not None:
         program = run.program
         loaded = None if program is None else load_program(program)
-        yield Found(run.key[:SHOWN], program, loaded, run.account, run.status)
+        yield LoadedRun(run.key[:SHOWN], program, loaded, run.account, run.status)
     elif KEY.fullmatch(name) and len(name) == 32 and not Path(name).exists():
         with _tracked(name, home.mlruns) as found:
             yield found
@@ -118,11 +118,11 @@ def open_run(name: str, home: Home) -> Iterator[Found]:
         with program_directory(name, home.mlruns) as directory:
             run = _maker(directory, home)
             about = (None, "") if run is None else (run.account, run.status)
-            yield Found(name, directory, load_program(directory), *about)
+            yield LoadedRun(name, directory, load_program(directory), *about)
 
 
 def _run(directory: Path) -> Run:
-    return Run(directory, _status(directory), read_chronicle(directory / CHRONICLE))
+    return Run(directory, _status(directory), read_event_log(directory / CHRONICLE))
 
 
 def _status(directory: Path) -> str:
@@ -145,7 +145,7 @@ def _at_work(directory: Path) -> bool:
     return False
 
 
-def _named(name: str, home: Home) -> Run | None:
+def _named(name: str, home: Workspace) -> Run | None:
     """Find a run by its directory, its key, how that begins, or its MLflow id.
 
     Raises:
@@ -164,7 +164,7 @@ def _named(name: str, home: Home) -> Run | None:
     return _run(found[0]) if found else None
 
 
-def _maker(directory: Path, home: Home) -> Run | None:
+def _maker(directory: Path, home: Workspace) -> Run | None:
     """Find the latest run that made a program, by the digests of tree and controllers; its text may be edited."""
     if not all((directory / name).is_file() for name in (TREE, CONTROLLERS)):
         return None
@@ -172,14 +172,14 @@ def _maker(directory: Path, home: Home) -> Run | None:
     return next((run for run in list_runs(home) if _digests(run.account) == digests), None)
 
 
-def _digests(account: Account) -> Mapping[str, Any]:
+def _digests(account: EventLog) -> Mapping[str, Any]:
     """Read which program a run made."""
     made: list[Any] = [record["value"] for record in account.records if record["kind"] == Packaged.__name__]
     return dict(made[-1]["digests"]) if made else {}
 
 
 @contextmanager
-def _tracked(run_id: str, mlruns: Path) -> Iterator[Found]:
+def _tracked(run_id: str, mlruns: Path) -> Iterator[LoadedRun]:
     """Copy program and chronicle of a run of the tracking store for the time being.
 
     Raises:
@@ -202,4 +202,4 @@ def _tracked(run_id: str, mlruns: Path) -> Iterator[Found]:
             raise ArtifactError(msg)
         program, account = places.get("program"), places.get(CHRONICLE)
         loaded = None if program is None else load_program(program)
-        yield Found(run_id, program, loaded, None if account is None else read_chronicle(account))
+        yield LoadedRun(run_id, program, loaded, None if account is None else read_event_log(account))

@@ -71,7 +71,7 @@ class Chronicle:
 
 
 @dataclass(frozen=True)
-class Told:
+class LoggedEvent:
     """One thing that happened.
 
     Args:
@@ -86,7 +86,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Account:
+class EventLog:
     """Everything that was written down about one run.
 
     Args:
@@ -119,7 +119,7 @@ class Account:
         return _time(self.records[-1])
 
     @cached_property
-    def told(self) -> tuple[Told, ...]:
+    def told(self) -> tuple[LoggedEvent, ...]:
         """What happened, in order.
 
         Raises:
@@ -131,7 +131,7 @@ class Account:
             raise _refusal(self.path, error) from error
 
 
-def read_chronicle(path: Path) -> Account:
+def read_event_log(path: Path) -> EventLog:
     """Read what was written down about a run.
 
     Raises:
@@ -140,7 +140,7 @@ def read_chronicle(path: Path) -> Account:
     if not path.is_file():
         msg = f"{path}: no such file, expected the chronicle of a run"
         raise ArtifactError(msg)
-    account = Account(path, tuple(record for _, record in read_records(path)))
+    account = EventLog(path, tuple(record for _, record in read_records(path)))
     kinds = [record.get("kind") for record in account.records]
     if kinds[:1] != [BEGAN] or not all({"number", "time", "kind", "value"} <= set(r) for r in account.records):
         msg = f"{path}: found no chronicle of a run, expected one whose first record says how it {BEGAN}"
@@ -152,9 +152,9 @@ def _refusal(path: Path, error: Exception) -> ArtifactError:
     return ArtifactError(f"{path}: found no chronicle of a run ({type(error).__name__}: {error})")
 
 
-def _told(record: Record, path: Path) -> Told:
+def _told(record: Record, path: Path) -> LoggedEvent:
     value = _mapping(record["value"])
-    return Told(_time(record), _decoded(str(record["kind"]), value, str(path)), value)
+    return LoggedEvent(_time(record), _decoded(str(record["kind"]), value, str(path)), value)
 
 
 def _time(record: Record) -> int:

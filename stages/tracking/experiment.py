@@ -9,14 +9,14 @@ from pathlib import Path
 
 from roboscribe.io.atomic import write_files
 from roboscribe.stages.runtime.journal import Journal
-from roboscribe.stages.tracking.mlflow_store import JOURNAL, PARENT, open_copier, run_id_of, unreachable
+from roboscribe.stages.tracking.mlflow_store import JOURNAL, PARENT, open_sync, run_id_of, unreachable
 from roboscribe.stages.tracking.tracker import IDENTITY
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Child:
+class ChildRun:
     """One part of an experiment, tracked as a child run.
 
     Args:
@@ -45,7 +45,7 @@ def track_experiment(
     metrics: Mapping[str, float],
     files: Mapping[str, bytes],
     tags: Mapping[str, str] | None = None,
-    children: Sequence[Child] = (),
+    children: Sequence[ChildRun] = (),
 ) -> str | None:
     """Journal a finished experiment and copy it into MLflow; telling the same again changes nothing.
 
@@ -67,7 +67,7 @@ def track_experiment(
     kept.mkdir(parents=True, exist_ok=True)
     write_files({kept / name: data for name, data in files.items()})
     journal = Journal(directory / JOURNAL, IDENTITY)
-    note = _Notes(journal, PARENT)
+    note = _JournalWriter(journal, PARENT)
     note("run", "title", title)
     note("run", "experiment", experiment)
     note.all("param", params)
@@ -76,10 +76,10 @@ def track_experiment(
     for name in files:
         note("artifact", name, str(kept / name))
     for child in children:
-        _tell(_Notes(journal, child.name), child)
+        _tell(_JournalWriter(journal, child.name), child)
     note("status", "FINISHED", "FINISHED")
     try:
-        open_copier(directory, mlruns).copy()
+        open_sync(directory, mlruns).copy()
     except unreachable() as error:
         line = str(error).splitlines()[0]
         log.warning("the tracking store %s is behind (%s); the journal %s is kept", mlruns, line, journal.path)
@@ -87,7 +87,7 @@ def track_experiment(
 
 
 @dataclass(frozen=True)
-class _Notes:
+class _JournalWriter:
     """Journals what concerns one run."""
 
     journal: Journal
@@ -101,7 +101,7 @@ class _Notes:
             self(kind, key, value)
 
 
-def _tell(note: _Notes, child: Child) -> None:
+def _tell(note: _JournalWriter, child: ChildRun) -> None:
     """Journal a part of an experiment."""
     note.all("param", child.params)
     note.all("metric", child.metrics)

@@ -14,7 +14,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from roboscribe.stages.tracking.mlflow_store import Copier, open_copier, store_identity, unreachable
+from roboscribe.stages.tracking.mlflow_store import MlflowSync, open_sync, store_identity, unreachable
 
 PERIOD = 3.0
 """Seconds between looks at the journal."""
@@ -26,7 +26,7 @@ log = logging.getLogger(__name__)
 def follow(directory: Path, mlruns: Path) -> int:
     """Copy a journal until standard input ends, then once more; returns an exit code, 0 when all is copied."""
     ended_at: float | None = None
-    copier: Copier | None = None
+    copier: MlflowSync | None = None
     identity: list[int] = []
     while True:
         last = ended_at is not None
@@ -39,7 +39,7 @@ def follow(directory: Path, mlruns: Path) -> int:
             if copier is None:
                 import matplotlib.figure  # noqa: F401 - takes a second, better now than at the run's end
 
-                copier = open_copier(directory, mlruns)
+                copier = open_sync(directory, mlruns)
                 identity = store_identity(mlruns)
             copier.copy()
             if last:

@@ -80,7 +80,7 @@ def store_identity(mlruns: Path) -> list[int]:
 
 
 @dataclass
-class Copier:
+class MlflowSync:
     """Copies one journal into one store.
 
     Args:
@@ -275,17 +275,17 @@ def synchronise(runs: Path, mlruns: Path) -> None:
     ensure_store(mlruns)
     for directory in sorted(path.parent for path in runs.glob(f"*/{JOURNAL}")):
         try:
-            open_copier(directory, mlruns).copy()
+            open_sync(directory, mlruns).copy()
         except unreachable() as error:
             log.warning("%s cannot be copied into MLflow: %s", directory, str(error).splitlines()[0])
 
 
-def open_copier(directory: Path, mlruns: Path) -> Copier:
+def open_sync(directory: Path, mlruns: Path) -> MlflowSync:
     """Open the store, which is created where there is none."""
     from mlflow import MlflowClient
 
     ensure_store(mlruns)
-    return Copier(directory, mlruns, MlflowClient(database_uri(mlruns)))
+    return MlflowSync(directory, mlruns, MlflowClient(database_uri(mlruns)))
 
 
 def download_program(run_id: str, mlruns: Path, target: Path) -> Path:

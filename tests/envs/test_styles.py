@@ -11,7 +11,7 @@ import pytest
 
 from roboscribe.envs import demonstrator, multi_block_demonstrator, single_block_demonstrator
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.demonstrator import Episode, ScriptedTask, demonstrate
+from roboscribe.envs.demonstrator import DemonstrationAttempt, ScriptedTask, demonstrate
 from roboscribe.envs.performer import NEAR, PAUSE
 from roboscribe.envs.styles import DEFAULT, MIXED, STYLES, choices, style_names
 from roboscribe.errors import TaskError
@@ -35,7 +35,7 @@ def task(name: str = "pick-place-1") -> ScriptedTask:
 
 
 @lru_cache
-def attempts(style: str, name: str = "pick-place-1", count: int = ATTEMPTS) -> tuple[Episode, ...]:
+def attempts(style: str, name: str = "pick-place-1", count: int = ATTEMPTS) -> tuple[DemonstrationAttempt, ...]:
     wave = tuple(demonstrator.start(5, index, choices(style)) for index in range(count))
     demonstrator.run(task(name), task(name).world(count), wave)
     return wave

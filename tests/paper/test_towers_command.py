@@ -19,10 +19,10 @@ from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.saved_program import load_program, save_program
 from roboscribe.pipelines.paper import cells
 from roboscribe.pipelines.paper.cell_runner import Runner
-from roboscribe.pipelines.paper.experiment import Desk, Done, Options
+from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 from roboscribe.pipelines.synthesis_pipeline import Plan
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages import transfer
 from roboscribe.stages.paper.rows import Trial
 from roboscribe.stages.runtime.store import Stage
@@ -61,12 +61,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def conduct(
     options: Options, home: Path, *, track: bool = False, experiment: Experiment | None = None
-) -> tuple[Done, str]:
+) -> tuple[ExperimentResult, str]:
     """Run an experiment without Prefect; returns what it leaves and what was said."""
     said = io.StringIO()
     console = Console(file=said, width=200)
-    desk = Desk(Home(home), Runner("local"), home / "report", track)
-    return measure_towers(experiment or Experiment(), options, desk, console), said.getvalue()
+    context = ExperimentContext(Workspace(home), Runner("local"), home / "report", track)
+    return measure_towers(experiment or Experiment(), options, context, console), said.getvalue()
 
 
 def read(home: Path) -> pd.DataFrame:

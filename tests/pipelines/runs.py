@@ -8,10 +8,10 @@ from pathlib import Path
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
-from roboscribe.pipelines.callbacks import Audience
+from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.synthesis_pipeline import Plan
-from roboscribe.pipelines.synthesis_run import Engine, Session
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.synthesis_run import Engine, SynthesisRun
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
 from roboscribe.stages.runtime.events import Event
 from roboscribe.stages.runtime.progress import Progress
@@ -48,7 +48,9 @@ def run(
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, Json] | Fail:
     """Run a plan in a directory of its own."""
-    return Session(plan, Home(home), engine, home / "program", track).run(Audience(on_stage, on_event, on_progress))
+    return SynthesisRun(plan, Workspace(home), engine, home / "program", track).run(
+        Callbacks(on_stage, on_event, on_progress)
+    )
 
 
 def contents(directory: Path) -> dict[str, bytes]:

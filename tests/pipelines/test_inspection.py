@@ -14,9 +14,9 @@ from roboscribe.errors import ArtifactError
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.pipelines.report.chapters import Attempt, chapters
 from roboscribe.pipelines.report.films import Film
-from roboscribe.pipelines.report.page import Reported, page
-from roboscribe.pipelines.runs.lookup import Found, list_runs, open_run
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.report.page import ReportedRun, page
+from roboscribe.pipelines.runs.lookup import LoadedRun, list_runs, open_run
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.runtime.events import Refined
 from roboscribe.stages.tracking.chronicle import CHRONICLE
 from roboscribe.stages.tracking.mlflow_store import JOURNAL, synchronise
@@ -38,13 +38,13 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return home
 
 
-def reported(name: str, home: Path) -> Reported:
-    with open_run(name, Home(home)) as found:
-        return Reported(found, chapters(found.account))
+def reported(name: str, home: Path) -> ReportedRun:
+    with open_run(name, Workspace(home)) as found:
+        return ReportedRun(found, chapters(found.account))
 
 
 def key(home: Path, seed: int) -> str:
-    runs = (run for run in list_runs(Home(home)) if run.key != "abcd")
+    runs = (run for run in list_runs(Workspace(home)) if run.key != "abcd")
     return next(run.key for run in runs if run.account.about["plan"]["seed"] == seed)
 
 
@@ -68,11 +68,11 @@ def test_show_tells_the_story_again(command: Command, home: Path, capsys: pytest
 def test_a_run_is_found_by_every_name_it_has(home: Path) -> None:
     first = key(home, 0)
     for name in (first, first[:5], str(home / "data" / "runs" / first), str(home / "first")):
-        with open_run(name, Home(home)) as found:
+        with open_run(name, Workspace(home)) as found:
             assert found.account is not None, name
             assert found.account.about["plan"]["seed"] == 0
             assert found.program is not None
-    with open_run("tower-5", Home(home)) as found:
+    with open_run("tower-5", Workspace(home)) as found:
         assert (found.account, found.manifest["task"]) == (None, "tower-5")
 
 
@@ -138,7 +138,7 @@ def test_diff_shows_text_configuration_and_figures(
 def test_runs_that_found_nothing_or_were_killed_are_told(
     command: Command, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    demos, other = tmp_path / "d.parquet", Home(tmp_path / "home")
+    demos, other = tmp_path / "d.parquet", Workspace(tmp_path / "home")
     task = POINT_TASKS["point-pick-place-1"]
     shown = [Trajectory(each.layout, each.states[:6]) for each in task.demonstrate(4, 0)]
     write_demonstrations(demos, task.name, task.layout, task.frequency, shown, generator="test", seed=None)
@@ -201,12 +201,12 @@ def test_names_in_reports_are_no_markup(home: Path, tmp_path: Path) -> None:
     records = [json.loads(line) for line in path.read_text().splitlines()]
     kept = [json.dumps({name: value for name, value in record.items() if name != "sum"}) for record in records]
     path.write_text("\n".join([*kept, ""]).replace("point-pick-place-1", EVIL).replace("scripted", EVIL))
-    with open_run(str(crafted), Home(home)) as found:
+    with open_run(str(crafted), Workspace(home)) as found:
         assert found.program is not None
-        named = Found(EVIL, found.directory, found.program, found.account, EVIL)
+        named = LoadedRun(EVIL, found.directory, found.program, found.account, EVIL)
         film = tmp_path / "a.gif"
         film.write_bytes(b"GIF89a")
-        shown = read(page([Reported(named, chapters(found.account), {-1: [Film(film, EVIL)]})]))
+        shown = read(page([ReportedRun(named, chapters(found.account), {-1: [Film(film, EVIL)]})]))
     assert EVIL in shown.of("h1")[0].text
     assert [e.attributes["src"][:14] for e in shown.of("img")] == ["data:image/gif"]
     assert not any(name.startswith("on") for e in shown.elements for name in e.attributes)

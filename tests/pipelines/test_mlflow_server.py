@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from roboscribe.pipelines.mlflow_server import serve
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.tracking.mlflow_store import database_uri
 from tests.pipelines.stores import empty_store
 
@@ -16,7 +16,7 @@ def test_row_22_the_interface_is_local(tmp_path: Path, monkeypatch: pytest.Monke
     started: list[list[str]] = []
     monkeypatch.setattr("os.execv", lambda path, command: started.append(command))
     empty_store(tmp_path / "mlruns")
-    serve(Home(tmp_path), 5077)
+    serve(Workspace(tmp_path), 5077)
     (command,) = started
     options = dict(zip(command[4::2], command[5::2], strict=True))
     assert command[1:4] == ["-m", "mlflow", "ui"]

@@ -23,7 +23,7 @@ from roboscribe.stages.tracking.mlflow_store import (
     STATE,
     database_uri,
     ensure_store,
-    open_copier,
+    open_sync,
     run_id_of,
     synchronise,
 )
@@ -47,7 +47,7 @@ def tell(listening: Tracker, steps: range) -> None:
 
 def copy(home: Path) -> None:
     """Copy the journal as it stands."""
-    open_copier(home / "runs" / "abc", home / "mlruns").copy()
+    open_sync(home / "runs" / "abc", home / "mlruns").copy()
 
 
 def expected(steps: range) -> list[tuple[object, ...]]:
@@ -118,7 +118,7 @@ def test_another_store_is_filled_from_the_start(tmp_path: Path) -> None:
     copy(tmp_path)
     tell(listening, range(3, 6))
     other = empty_store(tmp_path / "other")
-    open_copier(tmp_path / "runs" / "abc", other).copy()
+    open_sync(tmp_path / "runs" / "abc", other).copy()
     assert points(other, CURVE) == expected(range(6))
     copy(tmp_path)
     assert points(tmp_path / "mlruns", CURVE) == expected(range(6))

@@ -26,7 +26,7 @@ _TRAILER_BYTES = 8
 """Parquet ends with the footer's length (4 bytes, little endian) and the magic number PAR1."""
 
 
-class Seal(Enum):
+class Checksum(Enum):
     """What the seal says about a file."""
 
     ABSENT = "not sealed"
@@ -35,7 +35,7 @@ class Seal(Enum):
     DAMAGED = "damaged, the footer included"
 
 
-def seal_file(path: Path) -> str:
+def add_checksum(path: Path) -> str:
     """Insert the seal before the footer of a complete Parquet file; returns the SHA-256 of the result, hexadecimal."""
     with path.open("r+b") as file:
         file.seek(-_TRAILER_BYTES, os.SEEK_END)
@@ -52,24 +52,24 @@ def seal_file(path: Path) -> str:
     return whole.hexdigest()
 
 
-def examine(data: Content) -> Seal:
+def verify_checksum(data: Content) -> Checksum:
     """Say whether a file is sealed and intact.
 
     Both ends of the seal are searched for in the whole file, so that damage to one of them, or to the footer's length,
     does not make a sealed file look like one that never had a seal.
     """
     if data.rfind(_HEAD) < 0 and data.rfind(_TAIL) < 0:
-        return Seal.ABSENT
+        return Checksum.ABSENT
     cut = _footer_start(data)
     start = cut - _SIZE
-    seal, footer = data[max(start, 0) : cut], data[cut:]
-    if not (seal.startswith(_HEAD) and seal.endswith(_TAIL) and len(seal) == _SIZE):
-        return Seal.DAMAGED
-    body_hash, footer_hash = seal[len(_HEAD) :][:_HASH_BYTES], seal[len(_HEAD) + _HASH_BYTES :][:_HASH_BYTES]
+    checksum, footer = data[max(start, 0) : cut], data[cut:]
+    if not (checksum.startswith(_HEAD) and checksum.endswith(_TAIL) and len(checksum) == _SIZE):
+        return Checksum.DAMAGED
+    body_hash, footer_hash = checksum[len(_HEAD) :][:_HASH_BYTES], checksum[len(_HEAD) + _HASH_BYTES :][:_HASH_BYTES]
     if footer_hash != _hash(footer):
-        return Seal.DAMAGED
+        return Checksum.DAMAGED
     with memoryview(data) as view, view[:start] as body:
-        return Seal.INTACT if body_hash == _hash(body) else Seal.BODY_DAMAGED
+        return Checksum.INTACT if body_hash == _hash(body) else Checksum.BODY_DAMAGED
 
 
 def _footer_start(data: Content) -> int:

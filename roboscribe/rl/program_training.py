@@ -43,7 +43,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Setting:
+class ProgramTraining:
     """A program to be grounded.
 
     Args:
@@ -143,7 +143,7 @@ class Setting:
         """Return a seed of its own for one purpose."""
         return int(self.draw(name).integers(SEEDS))
 
-    def onward(self, run: Run) -> Predicate:
+    def continues_if(self, run: Run) -> Predicate:
         """Return where the program goes on after `run`; the last statement is to bring ψ_R about, not only its own φ.
 
         The last statement of a loop that comes last goes on while there is another entity.
@@ -159,7 +159,7 @@ class Setting:
 
     def title(self, run: Run) -> str:
         """Return the name under which a skill's progress is kept."""
-        return run.controller if self.onward(run) == Truth() else f"{run.controller}.last"
+        return run.controller if self.continues_if(run) == Truth() else f"{run.controller}.last"
 
     def subtask(self, run: Run) -> Subtask:
         """Say what is asked of a skill: its step limit and the units of its reward come from the demonstrations."""
@@ -169,7 +169,7 @@ class Setting:
             variables=run_variables(run),
             limit=self.limits.get(run.controller, self.task.horizon),
             confirm=self.config.confirm,
-            onward=self.onward(run),
+            continues_if=self.continues_if(run),
             scales=self.scales(run),
             invariant=self.invariant(run),
         )
