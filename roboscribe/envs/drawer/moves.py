@@ -84,7 +84,7 @@ def command(states: FloatArray, crossing: float = CROSSING) -> FloatArray:
     objects = states[:, geometry.BEFORE_CUBES :].reshape(len(states), -1, 6)
     cubes, slots = objects[..., :3], objects[..., 3:]
     held = (np.linalg.norm(cubes - hand[:, None], axis=2) < 1.5 * AROUND) & (opening < LOOSE)[:, None]
-    left = held | ~geometry.inside(cubes, extension)
+    left = held | ~geometry.inside(cubes, bar)
     busy = left.any(axis=1)
     drawer = _operate(hand, bar, np.where(busy, extension - geometry.TRAVEL, extension - goal), crossing)
     chosen = np.arange(len(states)), nearest(hand, cubes, left)
