@@ -149,8 +149,8 @@ def test_what_is_put_down_stays() -> None:
     """What a cube is brought to holds from the first time on: a loop needs that."""
     for shown in make_task("place-cubes-drawer-1").demonstrate(4, seed=1):
         gap = np.linalg.norm(shown.states[:, 12:15] - shown.states[:, 15:18], axis=1)
-        assert gap[-1] < 0.012
-        assert gap[(gap < 0.012).argmax() :].max() < 0.02
+        assert gap[-1] < 0.02
+        assert gap[(gap < 0.02).argmax() :].max() < 0.03
 
 
 @pytest.mark.parametrize("name", ["place-cubes-drawer-6", "place-cubes-drawer-99-closed"])
