@@ -55,6 +55,8 @@ SHUT = 0.02
 """A drawer is shut again when its extension is less."""
 PADS = 0.0371
 """Distance between the finger pads where both finger joints are at 0."""
+STEPS_FOR_DRAWER, STEPS_PER_CUBE = 60, 110
+"""Control steps that an episode has for opening or shutting the drawer, and for every cube."""
 COLORS = ((0.85, 0.25, 0.2), (0.2, 0.45, 0.85), (0.25, 0.65, 0.3), (0.9, 0.7, 0.15), (0.55, 0.3, 0.7))
 """Of the cubes and their goals."""
 
@@ -72,6 +74,11 @@ DRAWER = ObjectType("drawer", (Attribute("position", XYZ, "m", -1.0, 2.0), EXTEN
 CUBE = ObjectType("cube", (Attribute("position", XYZ, "m", -3.0, 3.0),), (Attribute("position", XYZ, "m", -1.0, 2.0),))
 BEFORE_CUBES = 12
 """Columns of a state before the first cube's: 7 of the hand, then the drawer's place, extension and goal."""
+
+
+def horizon(cubes: int, closed: bool) -> int:
+    """Return the control steps of an episode."""
+    return STEPS_FOR_DRAWER * (1 + closed) + STEPS_PER_CUBE * cubes
 
 
 def layout(cubes: int) -> Layout:
