@@ -125,7 +125,7 @@ def open_episodes(path: Path, task: Task) -> Iterator[EpisodeFile]:
     source = str(path)
     with open_parquet(path) as (content, file, checksum):
         if checksum is Checksum.BODY_DAMAGED:
-            raise DemonstrationError(_damage(file, source))
+            raise DemonstrationError(damage_of(file, source))
         metadata = metadata_of(file.metadata.metadata)
         check_metadata(metadata, task, source)
         unknown = check_columns(file.schema_arrow, task.layout, metadata, source)
@@ -256,7 +256,7 @@ def _beyond_repair(source: str, where: str = "") -> str:
     return f"{source}: damaged{where} since it was written; nothing of it was used, restore or collect it again"
 
 
-def _damage(file: pq.ParquetFile, source: str) -> str:
+def damage_of(file: pq.ParquetFile, source: str) -> str:
     """Say in which episodes the pages fail their checksums, where the footer can be trusted to lead to them."""
     filled = [episode for episode, length in enumerate(lengths_of(metadata_of(file.metadata.metadata))) if length]
     episodes = [episode for group, episode in enumerate(filled) if not _readable(file, group)]
