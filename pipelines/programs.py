@@ -94,8 +94,8 @@ def load_with_task(directory: Path, task: str | None, contact: str, timing: str)
 def evaluation(program: Runnable, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
     start = perf_counter()
-    watch = episode_watch(f"roll out {ROOT}", config.episodes, report)
-    found = measure(program, config.task.make(), config.seed, config.episodes, watch)
+    watch = episode_watch(f"roll out {ROOT}", config.evaluation_episodes, report)
+    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, watch)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)

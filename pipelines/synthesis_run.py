@@ -15,7 +15,7 @@ from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan, SynthesisResult, command, run_pipeline, show
+from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, command, demonstration_file, run_pipeline
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
@@ -37,6 +37,7 @@ from roboscribe.stages.runtime.events import (
 )
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle
 from roboscribe.stages.tracking.tracker import SECONDS, Tracker
 from roboscribe.tree_json import tree_to_json
@@ -89,7 +90,7 @@ class SynthesisRun:
         track: whether MLflow is told.
     """
 
-    plan: Plan
+    plan: SynthesisPlan
     home: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
@@ -171,7 +172,7 @@ class SynthesisRun:
         with prefect_server(self.home.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
-            show(self.plan, call)  # while the server starts; the flow then finds the stage done
+            demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
             return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
 
     def _result(self, found: SynthesisResult, counter: ControlStepCounter, commit: str) -> dict[str, Json]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.dsl.interpreter import at_work
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.parser import parse_program
@@ -168,7 +169,7 @@ def evaluate(
     program: Policy | str | Path,
     task: Task | str | None = None,
     *,
-    episodes: int = 500,
+    episodes: int = EVALUATION_EPISODES,
     seed: int = 0,
     watch: Watch = unwatched,
 ) -> Evaluation:
