@@ -148,7 +148,7 @@ def demonstrations(plan: Plan, call: RunStage) -> tuple[Path, dict[str, Any] | F
     given = show(plan, call)
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
     fail = read_fail(out)
-    return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
+    return out / DEMONSTRATIONS, fail or {**read_json(out / ingest.REPORT), "source": str(given)}
 
 
 def _setting(plan: Plan, profile: Profile, shown: Path) -> Setting:
