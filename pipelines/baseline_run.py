@@ -11,12 +11,13 @@ from time import perf_counter
 from typing import Any
 
 from roboscribe.baselines.config import RECIPES, BaselineConfig, Method
+from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import DemonstrationError, Fail, TaskError
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan, demonstrations
+from roboscribe.pipelines.synthesis_pipeline import usable_demonstrations
 from roboscribe.pipelines.synthesis_run import Engine, publish
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages import baseline, transfer
@@ -27,8 +28,10 @@ from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Listene
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs, Store, locked
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.steps import RunStage
+from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import Tracker
 
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
@@ -61,8 +64,8 @@ class BaselinePlan:
         seed: decides everything.
         steps: gradient steps of clones, control steps of the others; None is what is usual.
         demonstrations: a Parquet file; None collects some, the same as a synthesis of this seed does.
-        shown: demonstrations to collect.
-        episodes: episodes of the final evaluation.
+        n_demonstrations: how many to collect.
+        evaluation_episodes: episodes of the final evaluation.
         settings: of the methods.
     """
 
@@ -71,8 +74,8 @@ class BaselinePlan:
     seed: int = 0
     steps: int | None = None
     demonstrations: Path | None = None
-    shown: int = 50
-    episodes: int = 500
+    n_demonstrations: int = N_DEMONSTRATIONS
+    evaluation_episodes: int = EVALUATION_EPISODES
     settings: BaselineConfig = field(default_factory=BaselineConfig)
 
     @property
@@ -87,7 +90,7 @@ class BaselinePlan:
         options = (
             ("--steps", self.steps, usual.steps),
             ("--demos", self.demonstrations, usual.demonstrations),
-            ("--episodes", self.episodes, usual.episodes),
+            ("--episodes", self.evaluation_episodes, usual.evaluation_episodes),
             ("--contact", self.task.contact, usual.task.contact),
             ("--timing", self.task.timing, usual.task.timing),
         )
@@ -126,8 +129,10 @@ class Work:
 
     def _show(self) -> None:
         plan, recipe = self.plan, RECIPES[self.plan.method]
-        asked = Plan(plan.task, plan.seed, demonstrations=plan.demonstrations, shown=plan.shown)
-        path, report = demonstrations(asked, self.call)
+        asked = SynthesisPlan(
+            plan.task, plan.seed, demonstrations=plan.demonstrations, n_demonstrations=plan.n_demonstrations
+        )
+        path, report = usable_demonstrations(asked, self.call)
         if isinstance(report, Fail):
             self.fail = report
             return
@@ -152,7 +157,7 @@ class Work:
         if self.fail is not None:
             return
         plan = self.plan
-        config = transfer.Config(plan.task, plan.seed, plan.episodes)
+        config = transfer.Config(plan.task, plan.seed, plan.evaluation_episodes)
         inputs = transfer.inputs_of(self.trained / DIRECTORY)
         self.evaluated = self.call(f"evaluate {plan.method}", transfer.STAGE, config, inputs)
         self.tell(Evaluated(read_json(self.evaluated / OUTCOME), self.evaluated / EPISODES))
@@ -190,6 +195,7 @@ class BaselineRun:
             tracker = Tracker(directory, self.home.mlruns, self._params(), plan.title, plan.task.name, kind="baseline")
             if self.track:
                 tracker.start()
+            tracker.tags(source_tags(f"roboscribe baseline {plan.title}", commit))
             try:
                 work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)

@@ -16,6 +16,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import RoboScribeError
 from roboscribe.pipelines.commands import baseline, data, inspection
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile
@@ -83,7 +84,7 @@ def tasks() -> None:
 def demos(
     task: TaskName,
     out: Annotated[Path, typer.Option("--out", help="Parquet file to write")],
-    episodes: Annotated[int, typer.Option(min=1, help="demonstrations to collect")] = 50,
+    episodes: Annotated[int, typer.Option(min=1, help="demonstrations to collect")] = N_DEMONSTRATIONS,
     seed: Seed = 0,
     style: Annotated[str, typer.Option(help=STYLE_HELP)] = "default",
     failing: Annotated[float, typer.Option(min=0, max=0.5, help="share of them that ends without success")] = 0.0,
@@ -110,7 +111,7 @@ def synthesize(
     engine: Annotated[Engine, typer.Option(help="what runs the stages")] = Engine.prefect,
     out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
     json: JsonFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
     budget: Annotated[int | None, typer.Option(min=1, help="control steps per training of a skill")] = None,
     success: Annotated[float, typer.Option(min=0.0, max=1.0, help="success rate that is good enough")] = 0.97,
     contact: Contact = "stable",
@@ -121,10 +122,10 @@ def synthesize(
     from roboscribe.errors import Fail
     from roboscribe.evaluation import format_success
     from roboscribe.pipelines.console import SynthesisConsole
-    from roboscribe.pipelines.synthesis_pipeline import Plan
     from roboscribe.pipelines.synthesis_run import SynthesisRun
     from roboscribe.pipelines.workspace import Workspace
     from roboscribe.rl.config import TrainConfig
+    from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
     from roboscribe.stages.runtime.task_config import TaskConfig
     from roboscribe.steps import Limits
 
@@ -132,7 +133,9 @@ def synthesize(
     where = TaskConfig(task, contact, timing)
     where.make()
     limits = Limits(success=success)
-    plan = Plan(where, seed, profile, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
+    plan = SynthesisPlan(
+        where, seed, profile, demonstrations=demos, evaluation_episodes=episodes, training=settings, limits=limits
+    )
     _make_room(*(path for path in (out, json) if path is not None))
     with SynthesisConsole(console) as story:
         session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
@@ -159,8 +162,8 @@ def adapt(
     """Learn only the guards of a program's loops again, from demonstrations of another order."""
     from roboscribe.errors import Fail
     from roboscribe.pipelines.adaptation import adapt_saved, save
-    from roboscribe.pipelines.programs import program_directory
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
 
     _make_room(out)
     with program_directory(program, Workspace(home).mlruns) as directory:
@@ -178,7 +181,7 @@ def adapt(
 def evaluate(
     program: ProgramName,
     task: TaskOption = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = 500,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = EVALUATION_EPISODES,
     seed: Seed = 0,
     json: JsonFile = None,
     contact: Contact = "stable",
@@ -187,8 +190,9 @@ def evaluate(
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
     from roboscribe.evaluation import format_success
-    from roboscribe.pipelines.programs import evaluation, load_with_task, program_directory
+    from roboscribe.pipelines.programs import evaluation, load_with_task
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
     from roboscribe.stages.evaluate import Config
 
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
@@ -221,8 +225,9 @@ def render(
     """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
     from roboscribe.envs.render import check_suffix
     from roboscribe.pipelines import film_selection
-    from roboscribe.pipelines.programs import load_with_task, program_directory
+    from roboscribe.pipelines.programs import load_with_task
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
     from roboscribe.stages.film import FilmOptions
 
     columns, rows = film_selection.grid(grid)

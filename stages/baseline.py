@@ -13,6 +13,7 @@ from roboscribe.baselines.course import Course
 from roboscribe.baselines.off_policy import learn_off_policy
 from roboscribe.baselines.policy import Policy, as_program, name_of, to_parts
 from roboscribe.controllers import plain
+from roboscribe.defaults import ROLLOUT_EPISODES
 from roboscribe.evaluation import episode_seeds, waves
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
@@ -39,7 +40,7 @@ class Config:
         method: how it learns.
         seed: decides everything.
         steps: gradient steps of clones, control steps of the others; None is what is usual.
-        episodes: of each evaluation on the way; their control steps do not count.
+        rollout_episodes: of each evaluation on the way; their control steps do not count.
         settings: of the methods.
         demonstrations: SHA-256 of the demonstrations, for the manifest.
         command: command line that makes it, for the manifest.
@@ -49,7 +50,7 @@ class Config:
     method: Method = "bc"
     seed: int = 0
     steps: int | None = None
-    episodes: int = 100
+    rollout_episodes: int = ROLLOUT_EPISODES
     settings: BaselineConfig = field(default_factory=BaselineConfig)
     demonstrations: str = ""
     command: str = ""
@@ -111,7 +112,7 @@ def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path,
         case "chunked-bc":
             return TrainedPolicy(clone_chunks(task, shown, settings.chunks, course), steps)
         case _:
-            judge = _PolicyEvaluator(task, method, config.seed, config.episodes)
+            judge = _PolicyEvaluator(task, method, config.seed, config.rollout_episodes)
             learned = learn_off_policy(task, method, shown, settings, course, judge=judge)
             return TrainedPolicy(learned.policy, 0, learned.control_steps, learned.hopeless)
 

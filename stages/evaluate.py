@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.defaults import CONFIRM, EVALUATION_EPISODES
 from roboscribe.evaluation import measure
 from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
@@ -25,14 +26,14 @@ class Config:
     Args:
         task: where.
         seed: decides the episodes.
-        episodes: how many.
+        evaluation_episodes: how many.
         confirm: consecutive steps for which a subgoal must hold to count as reached.
     """
 
     task: TaskConfig
     seed: int = 0
-    episodes: int = 500
-    confirm: int = 3
+    evaluation_episodes: int = EVALUATION_EPISODES
+    confirm: int = CONFIRM
 
 
 def record(program: Runnable, task: Task, seed: int, count: int, out: Path, report: Report = silent) -> None:
@@ -52,7 +53,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    record(program, task, config.seed, config.episodes, out, report)
+    record(program, task, config.seed, config.evaluation_episodes, out, report)
 
 
 STAGE = Stage("evaluate", Config, run)

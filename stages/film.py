@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.replay import replay
 from roboscribe.envs.panel import RecordedEpisode
@@ -40,7 +41,7 @@ class Config:
 
     task: TaskConfig
     seed: int = 0
-    confirm: int = 3
+    confirm: int = CONFIRM
 
 
 def record_episodes(

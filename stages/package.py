@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import save_program
 from roboscribe.programs import saved_form
@@ -36,7 +37,7 @@ class Config:
     task: TaskConfig
     profile: str
     seed: int
-    confirm: int = 3
+    confirm: int = CONFIRM
     demonstrations: str = ""
     command: str = ""
 

@@ -8,6 +8,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
 from roboscribe.saved import open_saved
 from roboscribe.stages.evaluate import record
@@ -27,12 +28,12 @@ class Config:
     Args:
         task: where.
         seed: decides the episodes.
-        episodes: how many.
+        evaluation_episodes: how many.
     """
 
     task: TaskConfig
     seed: int = 0
-    episodes: int = 500
+    evaluation_episodes: int = EVALUATION_EPISODES
 
 
 def inputs_of(directory: Path) -> dict[str, Path]:
@@ -51,7 +52,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         for name, file in FILES.items():  # a program is loaded from one directory, wherever its files lie here
             shutil.copyfile(inputs[name], Path(scratch) / file)
         program = open_saved(load_program(Path(scratch)), task, str(inputs["controllers"]))
-    record(program, task, config.seed, config.episodes, out, report)
+    record(program, task, config.seed, config.evaluation_episodes, out, report)
 
 
 STAGE = Stage("transfer", Config, run)

@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.pipelines.commands.options import HomeDir, JsonFile
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def baseline(
     engine: Annotated[str, typer.Option(help="what runs the stages: prefect or local")] = "prefect",
     out: Annotated[Path | None, typer.Option("--out", help="directory for the policy")] = None,
     json: JsonFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
     contact: Annotated[str, typer.Option(help="contact model: stable or paper")] = "stable",
     timing: Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")] = "fast",
     home: HomeDir = Path(),
@@ -49,7 +50,7 @@ def baseline(
 
     where = TaskConfig(task, contact, timing)
     where.make()
-    plan = BaselinePlan(method_named(method), where, seed, steps, demos, episodes=episodes)
+    plan = BaselinePlan(method_named(method), where, seed, steps, demos, evaluation_episodes=episodes)
     for path in (out, json):
         if path is not None:
             path.resolve().parent.mkdir(parents=True, exist_ok=True)

@@ -14,22 +14,23 @@ from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan
-from roboscribe.pipelines.synthesis_run import ControlStepCounter, SynthesisRun
+from roboscribe.pipelines.synthesis_run import SynthesisRun
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages import baseline, collect, evaluate, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
 from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
 from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json
 from roboscribe.stages.runtime.store import TIMING, Inputs, Stage, Store
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS
 from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
 
-CHECKED = baseline.Config.episodes
+CHECKED = baseline.Config.rollout_episodes
 """Episodes of each evaluation during the training of a baseline."""
 
 
@@ -103,7 +104,7 @@ class Synthesis:
         """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
         plan = planned(self.trial, demonstrations(self.trial, context, callbacks))
         session = SynthesisRun(plan, context.home, "local", track=context.track)
-        identity = CellConfig(session.key(), self.trial.checked, _own_code())
+        identity = CellConfig(session.key(), self.trial.rollout_episodes, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
             _synthesize(plan, config.checked, context, callbacks, out)
@@ -145,7 +146,13 @@ class Training:
         trial = self.trial
         given = demonstrations(trial, context, callbacks)
         plan = BaselinePlan(
-            method_named(trial.method), trial.task, trial.seed, trial.budget, given, trial.shown, trial.episodes
+            method_named(trial.method),
+            trial.task,
+            trial.seed,
+            trial.budget,
+            given,
+            trial.n_demonstrations,
+            trial.evaluation_episodes,
         )
         session = BaselineRun(plan, context.home, "local", track=context.track)
         identity = CellConfig(session.key(), CHECKED, _own_code())
@@ -161,16 +168,16 @@ def cell_of(trial: Trial) -> Cell:
     return Synthesis(trial) if trial.method == OURS else Training(trial)
 
 
-def planned(trial: Trial, given: Path | None = None) -> Plan:
+def planned(trial: Trial, given: Path | None = None) -> SynthesisPlan:
     """Plan the synthesis of a trial, as `roboscribe synthesize` does; nothing is filmed."""
     training = TrainConfig() if trial.budget is None else TrainConfig(budget=trial.budget)
-    return Plan(
+    return SynthesisPlan(
         trial.task,
         trial.seed,
         cast(Profile, trial.profile),  # names are checked where options are read
         given,
-        trial.shown,
-        episodes=trial.episodes,
+        trial.n_demonstrations,
+        evaluation_episodes=trial.evaluation_episodes,
         training=training,
         video=False,
     )
@@ -178,7 +185,7 @@ def planned(trial: Trial, given: Path | None = None) -> Plan:
 
 def demonstrations(trial: Trial, context: CellContext, callbacks: Callbacks) -> Path | None:
     """Collect demonstrations of an unusual style; None for usual ones, which the run collects itself."""
-    usual = collect.Config(trial.task, trial.shown, trial.seed)
+    usual = collect.Config(trial.task, trial.n_demonstrations, trial.seed)
     config = replace(usual, style=trial.style, failing=trial.failing)
     if config == usual:
         return None
@@ -240,17 +247,19 @@ class SynthesisObserver:
         self.seconds += float(read_json(out / TIMING)["wall_seconds"])
 
 
-def _synthesize(plan: Plan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
+def _synthesize(plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a cell."""
     commit, witness = checkout_commit(), SynthesisObserver(callbacks)
     session = SynthesisRun(plan, context.home, "local", out / DIRECTORY, context.track)
     result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
     points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in witness.programs)
     if isinstance(result, Fail):
-        last = Point(witness.counter.env_steps, 0, plan.episodes, witness.took, final=True)
+        last = Point(witness.counter.env_steps, 0, plan.evaluation_episodes, witness.took, final=True)
         record = Record((*points, last), witness.profile, witness.digest, commit, None, NO_PROGRAM, result.reason)
     else:
-        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        last = Point(
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+        )
         refinements = int(str(result["refinements"]))
         record = Record((*points, last), witness.profile, witness.digest, commit, refinements)
     write_record(out, record)
@@ -263,10 +272,12 @@ def _train(plan: BaselinePlan, context: CellContext, callbacks: Callbacks, out: 
     result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
     profile = RECIPES[plan.method].profile
     if isinstance(result, Fail):
-        last = Point(0, 0, plan.episodes, witness.took, final=True)
+        last = Point(0, 0, plan.evaluation_episodes, witness.took, final=True)
         record = Record((last,), profile, witness.digest, commit, ended=NO_PROGRAM, reason=result.reason)
     else:
-        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        last = Point(
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+        )
         ended = GIVEN_UP if result["hopeless"] else ""
         record = Record((*_on_the_way(result["curve"]), last), profile, witness.digest, commit, ended=ended)
     write_record(out, record)
@@ -287,7 +298,7 @@ def _successes(result: Mapping[str, Json]) -> int:
 
 
 def _measured(
-    plan: Plan, checked: int, context: CellContext, callbacks: Callbacks, kept: tuple[int, float, bytes, Path]
+    plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, kept: tuple[int, float, bytes, Path]
 ) -> Point:
     """Measure a program that was trained on the way, on the first of the episodes of the final evaluation."""
     steps, seconds, text, trained = kept

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def curves(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -84,7 +85,7 @@ def table1(
     task: Tasks = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -106,7 +107,7 @@ def demos(
     task: Tasks = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -135,7 +136,7 @@ def towers(
     contact: Annotated[
         list[str] | None, typer.Option(help="contact model to measure under; repeatable; left out: stable and paper")
     ] = None,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     program: Programs = None,
@@ -160,7 +161,7 @@ def confined(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     program: Programs = None,
@@ -184,7 +185,7 @@ def everything(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,

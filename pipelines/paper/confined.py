@@ -118,7 +118,7 @@ def trials_of(experiment: Confinement, options: Options) -> list[Trial]:
             profile if method == OURS else "",
             seed,
             budget_of(method, task, options),
-            episodes=options.episodes,
+            evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
         for method in options.methods or (OURS,)
@@ -232,7 +232,7 @@ def _measured(
 ) -> list[Measurement]:
     """Measure every program with either guard, every policy as it is."""
     where = TaskConfig(experiment.task)
-    configs = [transfer.Config(where, way.given.seed, options.episodes) for way in ways]
+    configs = [transfer.Config(where, way.given.seed, options.evaluation_episodes) for way in ways]
     cells = [Transfer(f"{way} on {where.name}", way.directory, c) for way, c in zip(ways, configs, strict=True)]
     outs = run_cells(
         TITLE,
@@ -252,7 +252,7 @@ def _measured(
             seed=way.given.seed,
             way=way.way,
             loop=way.loop,
-            shown=SHOWN if way.way == NEW else 0,
+            n_demonstrations=SHOWN if way.way == NEW else 0,
             demonstrations=way.demonstrations,
             contact=where.contact,
             timing=where.timing,

@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.errors import TaskError
 from roboscribe.evaluation import format_success
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
@@ -41,7 +42,7 @@ class Options:
         methods: "roboscribe" and baselines, instead of those that the experiment has.
         profiles: what programs may be learned from, instead of those that the experiment has.
         seeds: how many; they count from 0.
-        episodes: of each final evaluation.
+        evaluation_episodes: of each final evaluation.
         budget: "default", "paper" or a number of steps of learning.
         quick: a run that is no result.
         programs: given ones, instead of synthesizing any.
@@ -51,7 +52,7 @@ class Options:
     methods: tuple[str, ...] = ()
     profiles: tuple[str, ...] = ()
     seeds: int = 5
-    episodes: int = 500
+    evaluation_episodes: int = EVALUATION_EPISODES
     budget: str = "default"
     quick: bool = False
     programs: tuple[str, ...] = ()
@@ -70,7 +71,9 @@ class Options:
         """Return the options of a quick run where one is asked for: seed 0, few episodes, small tasks."""
         if not self.quick:
             return self
-        return replace(self, tasks=self.tasks or tasks, seeds=1, episodes=min(self.episodes, QUICK_EPISODES))
+        return replace(
+            self, tasks=self.tasks or tasks, seeds=1, evaluation_episodes=min(self.evaluation_episodes, QUICK_EPISODES)
+        )
 
     def words(self) -> list[str]:
         """Spell the options that are not the usual ones, as the command line takes them."""
@@ -80,7 +83,7 @@ class Options:
             words += [word for value in values for word in (option, value)]
         for option, value, default in (
             ("--seeds", self.seeds, usual.seeds),
-            ("--episodes", self.episodes, usual.episodes),
+            ("--episodes", self.evaluation_episodes, usual.evaluation_episodes),
             ("--budget", self.budget, usual.budget),
         ):
             words += [option, str(value)] if value != default else []
@@ -282,7 +285,19 @@ def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:
 def _child(each: Outcome) -> ChildRun:
     rows, trial = each.rows, each.trial
     last = rows[-1]
-    names = ("task", "method", "profile", "seed", "budget", "contact", "timing", "shown", "style", "failing", "quick")
+    names = (
+        "task",
+        "method",
+        "profile",
+        "seed",
+        "budget",
+        "contact",
+        "timing",
+        "n_demonstrations",
+        "style",
+        "failing",
+        "quick",
+    )
     params = {name: str(last[name]) for name in names}
     curve = [(int(str(row["control_steps"])), float(str(row["success"]))) for row in rows]
     refined = {} if each.record.refinements is None else {"refinements": float(each.record.refinements)}

@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.random import Generator
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.rewrite import controllers as runs_of
 from roboscribe.dsl.rewrite import free_vars, run_variables, walk
@@ -75,7 +76,7 @@ def execute(
     batch: int = 64,
     horizon: int | None = None,
     until_end: bool = False,
-    confirm: int = 3,
+    confirm: int = CONFIRM,
     rng: Generator | None = None,
     keep_actions: bool = False,
 ) -> Rollouts:

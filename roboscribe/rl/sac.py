@@ -14,8 +14,8 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.logger import KVWriter, Logger
 
 from roboscribe.rl.config import SacConfig
+from roboscribe.rl.learner import Learned, LearnerTask, Log, silent
 from roboscribe.rl.observation import Encoder
-from roboscribe.rl.ppo import Learned, LearnerTask, Log, silent
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.skill_env import SkillEnv
 from roboscribe.rl.torch_net import layers_of, single_thread

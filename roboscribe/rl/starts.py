@@ -8,10 +8,11 @@ from math import inf
 
 import numpy as np
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import Machine
 from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program
-from roboscribe.rl.config import PoolConfig, TrainConfig
+from roboscribe.rl.config import PoolConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import Controller
 from roboscribe.world.layout import FloatArray, IntArray
@@ -37,7 +38,7 @@ class Prefix:
     targets: tuple[int, ...]
     skills: Mapping[str, Controller]
     limits: Mapping[str, int]
-    confirm: int = TrainConfig.confirm
+    confirm: int = CONFIRM
 
 
 class _Collection:

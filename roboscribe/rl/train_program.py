@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, assert_never
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
-from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.config import PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import ALL_UNITS
+from roboscribe.rl.learner import Learned, LearnerTask, Log
 from roboscribe.rl.pool import StartPool
-from roboscribe.rl.ppo import Learned, LearnerTask, Log, train_ppo
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.program_training import SEEDS, ProgramTraining
 from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill import Skill
@@ -256,7 +257,7 @@ def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
     config = training.config
     if isinstance(run.until, Solved):
         return min(config.opaque_budget, config.budget)
-    if run is not training.runs[0] or training.solve or config.profile == "paper":
+    if run is not training.runs[0] or training.solve or isinstance(config.learner, SacConfig):
         return config.learning_steps
     return min(config.first_budget, config.learning_steps) if rate >= config.worth_improving else 0
 
@@ -264,17 +265,15 @@ def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
 def _reinforce(
     training: ProgramTraining, warm: Skill, rate: float, task: LearnerTask, log: Log, progress: Path | None
 ) -> tuple[Learned, str]:
-    """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too.
-
-    An attempt on ψ_R itself is PPO in every profile: it has no time for a replay buffer, and nothing to lose.
-    """
+    """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too."""
     config, seed = training.config, training.seed_of(f"{warm.name} learner")
-    if task.subtask.opaque:
-        blind = replace(config.ppo, critic_iterations=0, noise=config.blind_noise)
-        return train_ppo(warm, rate, task, blind, seed, log, progress), "ppo"
-    if config.profile == "paper":
-        return train_sac(warm, task, config.sac, seed, log), "sac"
-    return train_ppo(warm, rate, task, config.ppo, seed, log, progress), "ppo"
+    match config.blind if task.subtask.opaque else config.learner:
+        case PpoConfig() as settings:
+            return train_ppo(warm, rate, task, settings, seed, log, progress), "ppo"
+        case SacConfig() as settings:
+            return train_sac(warm, task, settings, seed, log), "sac"
+        case other:
+            assert_never(other)
 
 
 def _warm_start(
@@ -298,13 +297,19 @@ def _clone(
 ) -> tuple[Skill, float] | None:
     """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
     config, frames = training.config, training.frames(run)
-    if frames is None or config.profile == "paper" or isinstance(run.until, Solved):
+    if frames is None or isinstance(run.until, Solved):
         return None
     seed = training.seed_of(f"{run.controller} clone")
-    if config.profile == "states":
-        spec = training.spec(run, ALL_UNITS, ALL_UNITS)
-        return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
-    return clone_frames(fresh, frames.samples(), evaluator, config, seed)
+    match config.profile:
+        case "actions":
+            return clone_frames(fresh, frames.samples(), evaluator, config, seed)
+        case "states":
+            spec = training.spec(run, ALL_UNITS, ALL_UNITS)
+            return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
+        case "paper" | "scripted":
+            return None
+        case other:
+            assert_never(other)
 
 
 def _write(path: Path, identity: Mapping[str, object], skill: Skill, report: SkillReport) -> None:

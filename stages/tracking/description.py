@@ -32,7 +32,7 @@ def begun(command: str) -> str:
     return f"    {command}\n"
 
 
-def found(command: str, result: Mapping[str, Any], subgoals: Sequence[tuple[str, str, str]], run: str) -> str:
+def solved(command: str, result: Mapping[str, Any], subgoals: Sequence[tuple[str, str, str]], run: str) -> str:
     """Describe a run that found a program.
 
     Args:

@@ -24,16 +24,14 @@ def dataset_input(path: Path) -> DatasetInput:
     Raises:
         OSError, ArrowInvalid: it cannot be read.
     """
-    from mlflow.data.sources import LocalArtifactDatasetSource
     from mlflow.entities import Dataset, DatasetInput, InputTag
 
-    source = LocalArtifactDatasetSource(str(path.resolve()))
     footer, columns = pq.read_metadata(path), pq.read_schema(path)
     dataset = Dataset(
         name="demonstrations",
         digest=sha256_of(path)[:DIGEST],
         source_type="local",
-        source=json.dumps({"uri": source.uri}),
+        source=json.dumps({"uri": str(path.resolve())}),
         schema=json.dumps({"mlflow_colspec": [_column(field) for field in columns]}),
         profile=json.dumps({"num_rows": footer.num_rows, "size_in_bytes": path.stat().st_size}),
     )

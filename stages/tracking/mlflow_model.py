@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from mlflow.models import ModelSignature
 
 CODE = Path(__file__).with_name("program_model.py")
-NAME, RESET = "program", "reset"
-"""Name of the model and of its program's directory; parameter that says whether an episode begins."""
+NAME, FILES, RESET = "policy", "program", "reset"
+"""Name of the model, which must not be that of an artifact of the run; of its program's directory; of a parameter."""
 KIND = "robot program"
 
 
@@ -73,11 +73,11 @@ def save_model(directory: Path, target: Path) -> None:
     save(
         str(target),
         python_model=str(CODE),
-        artifacts={NAME: str(directory)},
+        artifacts={FILES: str(directory)},
         signature=_signature(task),
+        input_example=_example(task),
         pip_requirements=[_requirement()],
     )
-    _add_example(target, task)
 
 
 def register(client: MlflowClient, run_id: str, name: str) -> str | None:
@@ -102,8 +102,10 @@ def register(client: MlflowClient, run_id: str, name: str) -> str | None:
         if error.error_code != "RESOURCE_ALREADY_EXISTS":
             raise
     known = [found for found in client.search_model_versions(f"name='{name}'") if found.run_id == run_id]
-    made = known[0] if known else client.create_model_version(name, f"models:/{model}", run_id, model_id=model)
-    return str(made.version)
+    if known:
+        return str(known[0].version)
+    place = client.get_logged_model(model).artifact_location  # "models:/…" would be looked up in another store
+    return str(client.create_model_version(name, place, run_id).version)
 
 
 def _signature(task: Task) -> ModelSignature:
@@ -117,7 +119,7 @@ def _signature(task: Task) -> ModelSignature:
 
 
 def _columns(task: Task) -> list[str]:
-    """Name every number of a state: "mu.position.x", …"""
+    """Name every number of a state, "mu.position.x" for instance."""
     return [column.component(i) for column in columns_of(task.layout) for i in range(column.attribute.width)]
 
 
@@ -127,16 +129,6 @@ def _example(task: Task) -> pd.DataFrame:
 
     state = task.world(1).reset(np.zeros(1, np.int64), np.zeros(1, np.int64))
     return pd.DataFrame(state, columns=_columns(task))
-
-
-def _add_example(target: Path, task: Task) -> None:
-    """Keep an example beside a model; MLflow would try it out while it saves, which takes the simulator's time twice."""
-    from mlflow.models import Model
-    from mlflow.models.utils import _save_example
-
-    model = Model.load(str(target))
-    _save_example(model, _example(task), str(target))
-    model.save(str(target / "MLmodel"))
 
 
 def _requirement() -> str:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 from roboscribe.io.atomic import Json, canonical_json, indented_json, parse_json, write_file
+from roboscribe.io.tracked import DATABASE, THEIRS, has_store, quiet_mlflow, tracking_uri
 from roboscribe.stages.runtime.journal import Record, read_records
 from roboscribe.stages.tracking.description import experiment_description
 from roboscribe.stages.tracking.mlflow_files import copy_file
@@ -25,20 +26,13 @@ from roboscribe.stages.tracking.mlflow_files import copy_file
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
-os.environ["DO_NOT_TRACK"] = "true"
-os.environ["MLFLOW_ALLOW_PICKLE_DESERIALIZATION"] = "false"
-os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
-os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
-os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+quiet_mlflow()
 
 JOURNAL, STATE = "journal.jsonl", "tracking.json"
 """In a run's directory: what is to be copied, and how far it is copied under which ids."""
 PARENT = ""
 """Name of the run that is the whole synthesis."""
-DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
-THEIRS = "MLFLOW_TRACKING_URI"
-"""Variable by which a user names a store of their own."""
+ARTIFACTS = "artifacts"
 ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
 KIND_TAG, KIND = "mlflow.experimentKind", "custom_model_development"
@@ -51,21 +45,6 @@ BATCH = 1000
 _NEW = ".new-"
 """How directories begin in which a database is being created."""
 log = logging.getLogger(__name__)
-
-
-def database_uri(mlruns: Path) -> str:
-    """Return the address of the store in a directory."""
-    return f"sqlite:///{(mlruns / DATABASE).resolve()}"
-
-
-def tracking_uri(mlruns: Path) -> str:
-    """Return the address of the store: a tracking server that the user names, else the database in a directory."""
-    return os.environ.get(THEIRS) or database_uri(mlruns)
-
-
-def has_store(mlruns: Path) -> bool:
-    """Whether there is a store to ask."""
-    return bool(os.environ.get(THEIRS)) or (mlruns / DATABASE).exists()
 
 
 def ensure_store(mlruns: Path) -> None:
@@ -271,15 +250,6 @@ def open_sync(directory: Path, mlruns: Path) -> MlflowSync:
 
     ensure_store(mlruns)
     return MlflowSync(directory, mlruns, MlflowClient(tracking_uri(mlruns)))
-
-
-def download_program(run_id: str, mlruns: Path, target: Path) -> Path:
-    """Copy the program of a run out of the store; returns its directory.
-
-    Raises:
-        MlflowException: there is no such run, or it has no program.
-    """
-    return download(run_id, "program", mlruns, target)
 
 
 def download(run_id: str, name: str, mlruns: Path, target: Path) -> Path:

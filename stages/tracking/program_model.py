@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 from mlflow.models import set_model
-from mlflow.pyfunc import PythonModel
+from mlflow.pyfunc.model import PythonModel
 
 import roboscribe
 
@@ -28,7 +28,7 @@ class ProgramModel(PythonModel):
         self.policy = roboscribe.load(context.artifacts[PROGRAM])
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: dict[str, Any] | None = None) -> pd.DataFrame:  # noqa: ANN401 - as above
-        """Return actions, one row per observation, columns `action[0]`, `action[1]`, …"""
+        """Return actions, one row per observation, one column per number of an action."""
         if (params or {}).get(RESET, True):
             self.policy.reset()
         actions = [self.policy.act(row) for row in model_input.to_numpy(dtype=float)]

@@ -18,6 +18,7 @@ from typing import Any, assert_never
 from roboscribe.dsl.printer import text
 from roboscribe.io.atomic import Json, write_file
 from roboscribe.stages.runtime.code_version import ROOT
+from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.events import (
     Abandoned,
     Evaluated,
@@ -75,9 +76,14 @@ class Tracker:
     _follower: subprocess.Popen[bytes] | None = None
     _counts: dict[str, int] = field(default_factory=dict)
     subgoals: tuple[tuple[str, str, str], ...] = ()
+    _counter: ControlStepCounter = field(default_factory=ControlStepCounter)
     _last: RolledOut | None = None
-    _steps: int = 0
     _spent: float = 0.0
+
+    @property
+    def env_steps(self) -> int:
+        """Control steps so far, those of stages that were found in the store included."""
+        return self._counter.env_steps
 
     def __post_init__(self) -> None:
         """Open the journal and start a new attempt."""
@@ -166,6 +172,7 @@ class Tracker:
 
     def listen(self, event: Event) -> None:
         """Journal an event."""
+        self._counter.listen(event)
         match event:
             case Ingested(report, profile):
                 self.params = {**self.params, "profile": profile}
@@ -178,8 +185,7 @@ class Tracker:
                 self._trained(reports, metrics)
             case RolledOut(goal, counts, _):
                 self._last = event
-                self._steps += int(counts["control_steps"])
-                self._metrics(PARENT, {"success" if goal == GOAL else "subgoal_success": _rate(counts)}, self._steps)
+                self._metrics(PARENT, {"success" if goal == GOAL else "subgoal_success": _rate(counts)}, self.env_steps)
             case Refined():
                 self._refined(event)
             case Abandoned(reason):
@@ -224,7 +230,6 @@ class Tracker:
             name, about = self._training(report["controller"]), {"learner": report["learner"]}
             self._params(name, {"kind": "controller", "subject": report["controller"], **about}, begun)
             steps = report["control_steps"]
-            self._steps += int(steps)
             final = {"success": report["success"], "env_steps": steps, "episodes": report["starts"]}
             self._metrics(name, {**final, "warm_success": report["warm_success"]}, steps)
             self._finished(name, ended)

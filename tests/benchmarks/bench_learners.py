@@ -20,7 +20,8 @@ from roboscribe.envs.catalogue import make_task
 from roboscribe.rl import clone as cloning
 from roboscribe.rl.config import CloneConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import ALL_UNITS, fit_inverse, probe, random_actions
-from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.learner import LearnerTask
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.program_training import ProgramTraining
 from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill_env import Verdict

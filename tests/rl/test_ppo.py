@@ -13,8 +13,9 @@ from roboscribe.errors import ArtifactError
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.config import PpoConfig
+from roboscribe.rl.learner import LearnerTask
 from roboscribe.rl.observation import observation_spec
-from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, Verdict
 from roboscribe.rl.starts import Prefix, collect_starts

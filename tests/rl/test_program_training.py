@@ -34,7 +34,7 @@ def test_what_a_loop_repeats_must_succeed_as_often_as_all_repetitions_together()
 
 
 @pytest.mark.parametrize(
-    ("text", "onward"),
+    ("text", "continues_if"),
     [(LINE, [Truth(), Not(Truth())]), (LOOP, [Truth(), UNSERVED]), (LOOP + LEAVE, [Truth(), Truth(), Not(Truth())])],
 )
 def test_the_last_statement_is_to_bring_the_task_about(text: str, continues_if: list[Predicate]) -> None:
