@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
-import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -14,6 +12,7 @@ from typing import Any
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import sha256_of
+from roboscribe.io.lock import is_held
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
 from roboscribe.io.tracked import DATABASE, has_store
 from roboscribe.pipelines.workspace import Workspace
@@ -130,19 +129,7 @@ def _status(directory: Path) -> str:
     own = (record for _, record in read_records(directory / JOURNAL) if record["run"] == PARENT)
     said = [str(record["value"]) for record in own if record["kind"] == "status"]
     last = said[-1] if said else "KILLED"
-    return last if last in ENDED or _at_work(directory) else "KILLED"
-
-
-def _at_work(directory: Path) -> bool:
-    """Tell whether a process holds a run's directory."""
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
+    return last if last in ENDED or is_held(directory) else "KILLED"
 
 
 def _named(name: str, home: Workspace) -> Run | None:

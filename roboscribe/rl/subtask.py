@@ -41,7 +41,8 @@ class Subtask:
         variables: names of the entities a start state binds, in order.
         limit: control steps allowed.
         confirm: consecutive steps for which φ must hold.
-        continues_if: where it is true the program goes on once φ is reached; elsewhere it is over, and ψ_R is wanted, too.
+        continues_if: where it is true the program goes on once φ is reached; elsewhere it is over, and ψ_R is wanted,
+            too.
         scales: unit of each atom's margin, by the text of its left term.
         invariant: what a loop around the skill brings about, one entity after the other; what stands must stay.
     """

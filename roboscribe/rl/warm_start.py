@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator
 from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.rows import Rows
 from roboscribe.world.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
-class Frames:
-    """Demonstrated frames of one skill.
+class Frames(Rows):
+    """M demonstrated frames of one skill.
 
     Args:
         states: (M, F).
@@ -38,10 +39,6 @@ class Frames:
     actions: FloatArray
     snapshots: FloatArray
     simulated: IntArray
-
-    def __len__(self) -> int:
-        """M."""
-        return len(self.states)
 
     def samples(self) -> CloningSamples:
         """Return the frames whose actions are known."""
@@ -77,14 +74,7 @@ def frames_of(part: Segment, demonstration: Trajectory, beyond: int, actions: bo
 def joined(parts: Sequence[Frames]) -> Frames:
     """Concatenate frames; snapshots are dropped where some demonstrations lack them."""
     stored = len({part.snapshots.shape[1] for part in parts}) == 1
-    return Frames(
-        np.concatenate([part.states for part in parts]),
-        np.concatenate([part.following for part in parts]),
-        np.concatenate([part.entities for part in parts]),
-        np.concatenate([part.actions for part in parts]),
-        np.concatenate([part.snapshots if stored else part.snapshots[:, :0] for part in parts]),
-        np.concatenate([part.simulated for part in parts]),
-    )
+    return Frames.concatenated([part if stored else replace(part, snapshots=part.snapshots[:, :0]) for part in parts])
 
 
 def clone_frames(
@@ -144,7 +134,8 @@ def clone_states(
             best = found
         if best is None or best[1] >= config.target or evaluator.rest < len(pool) * config.inverse.rollout_steps:
             break
-        data = data.joined(explore(evaluator.world, pool, best[0], config.inverse, rng))
+        own = explore(evaluator.world, pool, best[0], config.inverse, rng)
+        data = Transitions.concatenated([data, own])
     return best
 
 

@@ -9,10 +9,8 @@ directory, the others wait for it and then find the work done.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -32,6 +30,7 @@ from roboscribe.io.atomic import (
     sha256_of_bytes,
     write_file,
 )
+from roboscribe.io.lock import held
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode
 from roboscribe.stages.runtime.progress import Report, silent
@@ -138,16 +137,12 @@ def manifest_of(out: Path) -> Mapping[str, Json] | None:
 @contextmanager
 def locked(directory: Path) -> Iterator[None]:
     """Hold a directory for this process alone; wait while another one has it."""
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            log.warning("another process is at work in %s; waiting for it", directory)
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+
+    def say() -> None:
+        log.warning("another process is at work in %s; waiting for it", directory)
+
+    with held(directory, say):
         yield
-    finally:
-        os.close(descriptor)
 
 
 def _identity(stage: AnyStage, config: object, digests: Digests) -> dict[str, str]:

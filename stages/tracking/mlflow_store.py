@@ -5,7 +5,6 @@ Copying is idempotent: runs are found again by a tag, and a metric with the same
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import os
 import shutil
@@ -18,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 from roboscribe.io.atomic import Json, canonical_json, indented_json, parse_json, write_file
+from roboscribe.io.lock import held
 from roboscribe.io.tracked import DATABASE, THEIRS, has_store, quiet_mlflow, tracking_uri
 from roboscribe.stages.runtime.journal import Record, read_records
 from roboscribe.stages.tracking.description import experiment_description
@@ -303,6 +303,7 @@ def _plain(name: str) -> str:
 
 @contextmanager
 def _locked(mlruns: Path) -> Iterator[None]:
-    with (mlruns / ".lock").open("ab") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    lock = mlruns / ".lock"
+    lock.touch()
+    with held(lock):
         yield
