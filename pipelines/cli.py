@@ -26,7 +26,7 @@ from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
-    from roboscribe.stages.runtime.progress import Report
+    from roboscribe.stages.runtime.progress import ProgressCallback
     from roboscribe.world.layout import ObjectType
 
 SOLVED, BAD_INPUT, FAIL = 0, 2, 3
@@ -242,7 +242,7 @@ def render(
             _say(f"none of the episodes {first} to {first + film_selection.SEARCHED - 1} fails; nothing is filmed")
             return
         shooting = FilmOptions(columns, rows, slow)
-        path, solved = film_selection.shoot(opened, where, seed, episodes, out, shooting)
+        path, solved = film_selection.film_episodes(opened, where, seed, episodes, out, shooting)
     _say(f"{path}: episode{'s' * (len(episodes) > 1)} {', '.join(map(str, episodes))}, {len(solved)} solved")
 
 
@@ -341,12 +341,12 @@ def _make_room(*files: Path) -> None:
 
 
 @contextmanager
-def _bar() -> Iterator[Report]:
-    """Show one progress bar for work that has no story."""
+def _bar() -> Iterator[ProgressCallback]:
+    """Show a progress bar; yields the callback that moves it."""
     from roboscribe.pipelines.progress_bar import ProgressBar
 
     with ProgressBar(console) as bar:
-        yield bar.watch
+        yield bar.on_progress
 
 
 def _say(line: str) -> None:

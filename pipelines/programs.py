@@ -18,7 +18,7 @@ from roboscribe.programs import find_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
 from roboscribe.stages import evaluate
-from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 
@@ -28,7 +28,7 @@ _RUN_ID = re.compile(r"[0-9a-f]{32}")
 
 @contextmanager
 def program_directory(name: str, mlruns: Path) -> Iterator[Path]:
-    """Find a program: a directory, an MLflow run, whose program is copied for the time being, or a shipped program.
+    """Find a program: a directory, an MLflow run's program, copied to a temporary directory, or a shipped program.
 
     Args:
         name: a path, an MLflow run id, or the name of a shipped program; they are tried in this order.
@@ -38,15 +38,15 @@ def program_directory(name: str, mlruns: Path) -> Iterator[Path]:
         ArtifactError: it is none of them.
     """
     if _RUN_ID.fullmatch(name) and not Path(name).exists():
-        with _tracked(name, mlruns) as found:
+        with _from_mlflow(name, mlruns) as found:
             yield found
     else:
         yield find_program(name, "an MLflow run id")
 
 
 @contextmanager
-def _tracked(run_id: str, mlruns: Path) -> Iterator[Path]:
-    """Copy the program of an MLflow run for the time being.
+def _from_mlflow(run_id: str, mlruns: Path) -> Iterator[Path]:
+    """Copy the program of an MLflow run to a temporary directory.
 
     Raises:
         ArtifactError: there is no such run, or it has no program.
@@ -91,11 +91,13 @@ def load_with_task(directory: Path, task: str | None, contact: str, timing: str)
     return open_saved(saved, where.make(), str(directory)), where
 
 
-def evaluation(program: Runnable, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
+def evaluation(
+    program: Runnable, config: evaluate.Config, report: ProgressCallback = ignore_progress
+) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
     start = perf_counter()
-    watch = episode_watch(f"roll out {ROOT}", config.evaluation_episodes, report)
-    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, watch)
+    on_progress = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
+    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, on_progress)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)

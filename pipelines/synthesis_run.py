@@ -24,10 +24,10 @@ from roboscribe.stages.runtime.events import (
     Abandoned,
     Evaluated,
     Event,
+    EventCallback,
     Failed,
     Filmed,
     Ingested,
-    Listener,
     Packaged,
     Programmed,
     Refined,
@@ -38,7 +38,7 @@ from roboscribe.stages.runtime.events import (
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
-from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle
+from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter
 from roboscribe.stages.tracking.tracker import SECONDS, Tracker
 from roboscribe.tree_json import tree_to_json
 
@@ -55,7 +55,7 @@ class ControlStepCounter:
 
     env_steps: int = 0
 
-    def listen(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Count an event's control steps."""
         match event:
             case Trained(_, reports, _):
@@ -80,18 +80,18 @@ class ControlStepCounter:
 
 @dataclass(frozen=True)
 class SynthesisRun:
-    """Everything one synthesis needs.
+    """One synthesis: plan, workspace, engine, tracking.
 
     Args:
         plan: what is asked for.
-        home: where it is kept.
+        workspace: where it is kept.
         engine: what runs the stages.
         out: where the program goes; None is a directory under `data/programs`.
         track: whether MLflow is told.
     """
 
     plan: SynthesisPlan
-    home: Workspace
+    workspace: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
@@ -103,16 +103,16 @@ class SynthesisRun:
             What `roboscribe synthesize --json` writes, or why there is no program.
         """
         start, commit = perf_counter(), checkout_commit()  # before the work: the checkout may move on meanwhile
-        directory = self.home.data / "runs" / self.key()
+        directory = self.workspace.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
-            tracker = Tracker(directory, self.home.mlruns, self._params(), self._title(), self.plan.task.name)
+            tracker = Tracker(directory, self.workspace.mlruns, self._params(), self._title(), self.plan.task.name)
             if self.track:
                 tracker.start()
             counter = ControlStepCounter()
-            chronicle = Chronicle(directory / CHRONICLE, self._about(commit))
+            event_log = EventLogWriter(directory / CHRONICLE, self._about(commit))
             try:
-                found = self._synthesize(callbacks, (counter.listen, tracker.listen, chronicle.listen), tracker)
+                found = self._synthesize(callbacks, (counter.on_event, tracker.on_event, event_log.on_event), tracker)
                 result = found if isinstance(found, Fail) else self._result(found, counter, commit)
             except BaseException as error:
                 killed = isinstance(error, KeyboardInterrupt | SystemExit)
@@ -120,10 +120,10 @@ class SynthesisRun:
                 tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
-            chronicle.end(
+            event_log.end(
                 {"reason": result.reason} if isinstance(result, Fail) else {**result, "wall_seconds": seconds}
             )
-            tracker.attach(chronicle.path)
+            tracker.attach(event_log.path)
             if isinstance(result, Fail):
                 tracker.status("FAILED")
                 tracker.close()
@@ -151,25 +151,25 @@ class SynthesisRun:
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _synthesize(
-        self, callbacks: Callbacks, listeners: tuple[Listener, ...], tracker: Tracker
+        self, callbacks: Callbacks, listeners: tuple[EventCallback, ...], tracker: Tracker
     ) -> SynthesisResult | Fail:
-        store = Store(self.home.data / "stages")
+        store = Store(self.workspace.data / "stages")
 
-        def watch(progress: Progress) -> None:
-            tracker.watch(progress)
-            callbacks.watch(progress)
+        def on_progress(progress: Progress) -> None:
+            tracker.on_progress(progress)
+            callbacks.on_progress(progress)
 
         def tell(event: Event) -> None:
-            for listen in (*listeners, callbacks.listen):
-                listen(event)
+            for on_event in (*listeners, callbacks.on_event):
+                on_event(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            callbacks.begin(label)
-            return store.run(stage, config, inputs, watch)
+            callbacks.on_stage(label)
+            return store.run(stage, config, inputs, on_progress)
 
         if self.engine == "local":
             return run_pipeline(self.plan, call, store.put, tell)
-        with prefect_server(self.home.data / "prefect") as server:
+        with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
             demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
@@ -179,7 +179,7 @@ class SynthesisRun:
         """Publish the program and say what was found."""
         plan, figures = self.plan, found.figures
         name = f"{program_name(plan.task.name)}-{found.profile}-seed{plan.seed}"
-        out = self.out or self.home.data / "programs" / name
+        out = self.out or self.workspace.data / "programs" / name
         publish(found.directory, out, {"env_steps": counter.env_steps}, commit)
         return {
             "task": plan.task.name,

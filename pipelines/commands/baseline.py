@@ -56,7 +56,7 @@ def baseline(
             path.resolve().parent.mkdir(parents=True, exist_ok=True)
     with ProgressBar(console) as bar:
         session = BaselineRun(plan, Workspace(home), engine_named(engine), out)
-        result = session.run(Callbacks(bar.begin, lambda event: None, bar.watch))
+        result = session.run(Callbacks(bar.on_stage, lambda event: None, bar.on_progress))
     if isinstance(result, Fail):
         console.print(Text(f"FAIL: {result.reason}"), soft_wrap=True)
         raise typer.Exit(NO_RESULT)

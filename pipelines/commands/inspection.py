@@ -21,7 +21,7 @@ RunNames = Annotated[list[str], typer.Argument(help=f"{RUN_HELP}; several are sh
 
 @app.command()
 def runs(json: JsonFile = None, home: HomeDir = Path()) -> None:
-    """List the syntheses of this home, the latest first; any beginning of a run's name will do elsewhere."""
+    """List the syntheses of this home, the latest first; other commands take any unique beginning of a run's name."""
     from roboscribe.pipelines.runs.lookup import list_runs
     from roboscribe.pipelines.runs.table import columns, summary, write_summaries
     from roboscribe.pipelines.workspace import Workspace
@@ -36,7 +36,7 @@ def runs(json: JsonFile = None, home: HomeDir = Path()) -> None:
 def show(run: RunName, home: HomeDir = Path()) -> None:
     """Tell how a run went: what was tried, how often it succeeded, which subgoals were chosen and why."""
     from roboscribe.pipelines.console import SynthesisConsole
-    from roboscribe.pipelines.report.chapters import chapters
+    from roboscribe.pipelines.report.chapters import read_chapters
     from roboscribe.pipelines.report.figures import figures
     from roboscribe.pipelines.runs.lookup import open_run
     from roboscribe.pipelines.workspace import Workspace
@@ -46,11 +46,11 @@ def show(run: RunName, home: HomeDir = Path()) -> None:
             console.print(Text("how this program was found is not known here; the program as it is:\n"))
             console.print(Text(found.program.program_text if found.program is not None else "", style="bold"))
         else:
-            with SynthesisConsole(console) as story:
-                for told in found.account.told:
-                    story.listen(told.event)
+            with SynthesisConsole(console) as chapters:
+                for told in found.account.entries:
+                    chapters.on_event(told.event)
         table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-        for name, value in figures(found, chapters(found.account)).items():
+        for name, value in figures(found, read_chapters(found.account)).items():
             table.add_row(Text(name), Text(value, overflow="fold"))
         console.print(table)
 
