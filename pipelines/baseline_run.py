@@ -31,6 +31,7 @@ from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs, Store, lo
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.steps import RunStage
+from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import Tracker
 
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
@@ -196,6 +197,7 @@ class BaselineRun:
             )
             if self.track:
                 tracker.start()
+            tracker.tags(source_tags(f"roboscribe baseline {plan.title}", commit))
             try:
                 work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)

@@ -162,8 +162,8 @@ def adapt(
     """Learn only the guards of a program's loops again, from demonstrations of another order."""
     from roboscribe.errors import Fail
     from roboscribe.pipelines.adaptation import adapt_saved, save
-    from roboscribe.pipelines.programs import program_directory
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
 
     _make_room(out)
     with program_directory(program, Workspace(home).mlruns) as directory:
@@ -190,8 +190,9 @@ def evaluate(
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
     from roboscribe.evaluation import format_success
-    from roboscribe.pipelines.programs import evaluation, load_with_task, program_directory
+    from roboscribe.pipelines.programs import evaluation, load_with_task
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
     from roboscribe.stages.evaluate import Config
 
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
@@ -224,8 +225,9 @@ def render(
     """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
     from roboscribe.envs.render import check_suffix
     from roboscribe.pipelines import film_selection
-    from roboscribe.pipelines.programs import load_with_task, program_directory
+    from roboscribe.pipelines.programs import load_with_task
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
     from roboscribe.stages.film import FilmOptions
 
     columns, rows = film_selection.grid(grid)

@@ -3,18 +3,12 @@
 from __future__ import annotations
 
 import logging
-import re
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
-from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import PROGRAM, load_program
-from roboscribe.programs import find_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
 from roboscribe.stages import evaluate
@@ -23,48 +17,6 @@ from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 
 log = logging.getLogger(__name__)
-_RUN_ID = re.compile(r"[0-9a-f]{32}")
-
-
-@contextmanager
-def program_directory(name: str, mlruns: Path) -> Iterator[Path]:
-    """Find a program: a directory, an MLflow run's program, copied to a temporary directory, or a shipped program.
-
-    Args:
-        name: a path, an MLflow run id, or the name of a shipped program; they are tried in this order.
-        mlruns: directory of the tracking store.
-
-    Raises:
-        ArtifactError: it is none of them.
-    """
-    if _RUN_ID.fullmatch(name) and not Path(name).exists():
-        with _from_mlflow(name, mlruns) as found:
-            yield found
-    else:
-        yield find_program(name, "an MLflow run id")
-
-
-@contextmanager
-def _from_mlflow(run_id: str, mlruns: Path) -> Iterator[Path]:
-    """Copy the program of an MLflow run to a temporary directory.
-
-    Raises:
-        ArtifactError: there is no such run, or it has no program.
-    """
-    from mlflow.exceptions import MlflowException
-
-    from roboscribe.stages.tracking.mlflow_store import DATABASE, download_program
-
-    if not (mlruns / DATABASE).exists():
-        msg = f"program {run_id}: looks like an MLflow run id, but there is no tracking store {mlruns / DATABASE}"
-        raise ArtifactError(msg)
-    with tempfile.TemporaryDirectory() as scratch:
-        try:
-            found = download_program(run_id, mlruns, Path(scratch))
-        except (MlflowException, OSError) as error:
-            msg = f"program {run_id}: the tracking store {mlruns} has no program of this run ({error})"
-            raise ArtifactError(msg.splitlines()[0]) from error
-        yield found
 
 
 def load_with_task(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:

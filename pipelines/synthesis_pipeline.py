@@ -117,4 +117,4 @@ def usable_demonstrations(plan: SynthesisPlan, call: RunStage) -> tuple[Path, di
     given = demonstration_file(plan, call)
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
     fail = read_fail(out)
-    return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
+    return out / DEMONSTRATIONS, fail or {**read_json(out / ingest.REPORT), "source": str(given)}

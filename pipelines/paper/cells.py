@@ -14,12 +14,13 @@ from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_run import ControlStepCounter, SynthesisRun
+from roboscribe.pipelines.synthesis_run import SynthesisRun
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages import baseline, collect, evaluate, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
 from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
 from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.io.saved_program import load_program
-from roboscribe.pipelines.programs import program_directory
 from roboscribe.pipelines.workspace import Workspace
+from roboscribe.programs import program_directory
 from roboscribe.stages.paper.rows import OURS
 
 

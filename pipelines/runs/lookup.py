@@ -14,13 +14,13 @@ from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.lock import is_held
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
-from roboscribe.pipelines.programs import program_directory
+from roboscribe.io.tracked import DATABASE, has_store
 from roboscribe.pipelines.workspace import Workspace
-from roboscribe.programs import shipped_names
+from roboscribe.programs import program_directory, shipped_names
 from roboscribe.stages.runtime.events import Packaged
 from roboscribe.stages.runtime.journal import read_records
 from roboscribe.stages.tracking.event_log import CHRONICLE, EventLog, read_event_log
-from roboscribe.stages.tracking.mlflow_store import DATABASE, ENDED, JOURNAL, PARENT, download, run_id_of
+from roboscribe.stages.tracking.mlflow_store import ENDED, JOURNAL, PARENT, download, run_id_of
 
 KEY = re.compile(r"[0-9a-f]{4,32}")
 """What keys of runs, and MLflow's run ids, look like, and how they begin."""
@@ -178,7 +178,7 @@ def _from_mlflow(run_id: str, mlruns: Path) -> Iterator[LoadedRun]:
     """
     from mlflow.exceptions import MlflowException
 
-    if not (mlruns / DATABASE).exists():
+    if not has_store(mlruns):
         msg = f"run {run_id}: looks like an MLflow run id, but there is no tracking store {mlruns / DATABASE}"
         raise ArtifactError(msg)
     with tempfile.TemporaryDirectory() as scratch:

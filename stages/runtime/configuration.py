@@ -32,6 +32,16 @@ def encode(value: object) -> Json:
     raise TypeError(msg)
 
 
+def flattened(value: Json, name: str = "") -> dict[str, Json]:
+    """Spread nested settings out: every plain value by its dotted name, "training.ppo.worlds" for instance."""
+    if not isinstance(value, Mapping):
+        return {name: value}
+    found: dict[str, Json] = {}
+    for key, item in value.items():
+        found |= flattened(item, f"{name}.{key}" if name else str(key))
+    return found
+
+
 def decode(kind: type[T], value: Json, where: str = "settings") -> T:
     """Read what `encode` wrote.
 
