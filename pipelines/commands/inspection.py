@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from roboscribe.pipelines.commands.options import RUN_HELP, HomeDir, JsonFile
+from roboscribe.pipelines.commands.output import console, say
 
 app = typer.Typer()
-console = Console(highlight=False)
 RunName = Annotated[str, typer.Argument(help=RUN_HELP, metavar="RUN")]
 RunNames = Annotated[list[str], typer.Argument(help=f"{RUN_HELP}; several are shown side by side", metavar="RUN...")]
 
@@ -28,7 +27,7 @@ def runs(json: JsonFile = None, home: HomeDir = Path()) -> None:
 
     found = [summary(run) for run in list_runs(Workspace(home))]
     for line in columns(found) if found else [f"no runs in {Workspace(home).data}"]:
-        console.print(Text(line), soft_wrap=True)
+        say(line)
     write_summaries(json, found)
 
 
@@ -83,4 +82,4 @@ def report(
     with ExitStack() as stack, console.status("writing the report"):
         found = [stack.enter_context(open_run(name, Workspace(home))) for name in run]
         write_report(found, out, films)
-    console.print(Text(f"{out}: {out.stat().st_size / 1e6:.1f} MB, open it in a browser"), soft_wrap=True)
+    say(f"{out}: {out.stat().st_size / 1e6:.1f} MB, open it in a browser")
