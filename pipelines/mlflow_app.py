@@ -16,8 +16,8 @@ Message: TypeAlias = MutableMapping[str, Any]
 Receive: TypeAlias = Callable[[], Awaitable[Message]]
 Send: TypeAlias = Callable[[Message], Awaitable[None]]
 Server: TypeAlias = Callable[[Message, Receive, Send], Awaitable[None]]
-CHOICES = {"mlflow.workflowType_v1": '"machine_learning"', "mlflow.assistant.panelOpen_v1": "false"}
-"""What the browser's storage holds after a click on MLflow's switch, and after its assistant was closed."""
+CHOICES = {"mlflow.workflowType_v1": '"machine_learning"'}
+"""What the browser's storage holds after a click on MLflow's switch."""
 SCRIPT = (
     f"<script>for (const [key, value] of Object.entries({json.dumps(CHOICES)}))"
     " localStorage.getItem(key) ?? localStorage.setItem(key, value)</script>"

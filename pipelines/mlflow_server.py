@@ -16,23 +16,23 @@ APP = "roboscribe"
 """Name of `mlflow_app` among MLflow's apps."""
 
 
-def serve(home: Workspace, port: int) -> None:
+def serve(workspace: Workspace, port: int) -> None:
     """Bring the store up to date and become MLflow's server; foreign hosts and origins are refused.
 
     Raises:
         RoboScribeError: the port is taken, or the user has a server of their own.
     """
     _check_free(port)
-    synchronise(home.data / "runs", home.mlruns)
+    synchronise(workspace.data / "runs", workspace.mlruns)
     theirs = os.environ.get(THEIRS)
     if theirs:
-        msg = f"{THEIRS} names {theirs}, which is up to date now; expected no store but {home.mlruns} to show"
+        msg = f"{THEIRS} names {theirs}, which is up to date now; expected no store but {workspace.mlruns} to show"
         raise RoboScribeError(msg)
     os.environ["MLFLOW_SERVER_ENABLE_JOB_EXECUTION"] = "false"  # workers for what is not used here
     own = [f"127.0.0.1:{port}", f"localhost:{port}"]
     command = [sys.executable, "-m", "mlflow", "ui", "--host", "127.0.0.1", "--port", str(port)]
-    command += ["--backend-store-uri", database_uri(home.mlruns), "--workers", "1"]
-    command += ["--default-artifact-root", (home.mlruns / ARTIFACTS).resolve().as_uri()]
+    command += ["--backend-store-uri", database_uri(workspace.mlruns), "--workers", "1"]
+    command += ["--default-artifact-root", (workspace.mlruns / ARTIFACTS).resolve().as_uri()]
     if entry_points(group="mlflow.app", name=APP):  # else the package was installed before it had this
         command += ["--app-name", APP]
     command += ["--allowed-hosts", ",".join(own)]

@@ -12,7 +12,7 @@ from roboscribe.io.saved_program import PROGRAM, load_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
 from roboscribe.stages import evaluate
-from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 
@@ -43,11 +43,13 @@ def load_with_task(directory: Path, task: str | None, contact: str, timing: str)
     return open_saved(saved, where.make(), str(directory)), where
 
 
-def evaluation(program: Runnable, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
+def evaluation(
+    program: Runnable, config: evaluate.Config, report: ProgressCallback = ignore_progress
+) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
     start = perf_counter()
-    watch = episode_watch(f"roll out {ROOT}", config.evaluation_episodes, report)
-    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, watch)
+    on_progress = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
+    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, on_progress)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)

@@ -20,12 +20,12 @@ from roboscribe.pipelines.workspace import Workspace
 from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode, flattened
-from roboscribe.stages.runtime.events import Event, Listener
+from roboscribe.stages.runtime.events import Event, EventCallback
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
-from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle
 from roboscribe.stages.tracking.description import begun, failed, solved
+from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter
 from roboscribe.stages.tracking.mlflow_store import NOTE_TAG
 from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import SECONDS, Tracker
@@ -42,18 +42,18 @@ Engine: TypeAlias = Literal["prefect", "local"]
 
 @dataclass(frozen=True)
 class SynthesisRun:
-    """Everything one synthesis needs.
+    """One synthesis: plan, workspace, engine, tracking.
 
     Args:
         plan: what is asked for.
-        home: where it is kept.
+        workspace: where it is kept.
         engine: what runs the stages.
         out: where the program goes; None is a directory under `data/programs`.
         track: whether MLflow is told.
     """
 
     plan: SynthesisPlan
-    home: Workspace
+    workspace: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
@@ -65,18 +65,18 @@ class SynthesisRun:
             What `roboscribe synthesize --json` writes, or why there is no program.
         """
         start, commit = perf_counter(), checkout_commit()  # before the work: the checkout may move on meanwhile
-        directory = self.home.data / "runs" / self.key()
+        directory = self.workspace.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
-            tracker = Tracker(directory, self.home.mlruns, self._params(), self._title(), self.plan.task.name)
+            tracker = Tracker(directory, self.workspace.mlruns, self._params(), self._title(), self.plan.task.name)
             if self.track:
                 tracker.start()
             spelled = command(self.plan, self.plan.profile)
             tracker.settings(self._settings())
             tracker.tags({**source_tags(spelled, commit), NOTE_TAG: begun(spelled)})
-            chronicle = Chronicle(directory / CHRONICLE, self._about(commit))
+            event_log = EventLogWriter(directory / CHRONICLE, self._about(commit))
             try:
-                found = self._synthesize(callbacks, (tracker.listen, chronicle.listen), tracker)
+                found = self._synthesize(callbacks, (tracker.on_event, event_log.on_event), tracker)
                 result = found if isinstance(found, Fail) else self._result(found, tracker.env_steps, commit)
             except BaseException as error:
                 killed = isinstance(error, KeyboardInterrupt | SystemExit)
@@ -84,10 +84,10 @@ class SynthesisRun:
                 tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
-            chronicle.end(
+            event_log.end(
                 {"reason": result.reason} if isinstance(result, Fail) else {**result, "wall_seconds": seconds}
             )
-            tracker.attach(chronicle.path)
+            tracker.attach(event_log.path)
             if isinstance(result, Fail):
                 tracker.tags({NOTE_TAG: failed(spelled, result.reason)}, last=True)
                 tracker.status("FAILED")
@@ -117,25 +117,25 @@ class SynthesisRun:
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _synthesize(
-        self, callbacks: Callbacks, listeners: tuple[Listener, ...], tracker: Tracker
+        self, callbacks: Callbacks, listeners: tuple[EventCallback, ...], tracker: Tracker
     ) -> SynthesisResult | Fail:
-        store = Store(self.home.data / "stages")
+        store = Store(self.workspace.data / "stages")
 
-        def watch(progress: Progress) -> None:
-            tracker.watch(progress)
-            callbacks.watch(progress)
+        def on_progress(progress: Progress) -> None:
+            tracker.on_progress(progress)
+            callbacks.on_progress(progress)
 
         def tell(event: Event) -> None:
-            for listen in (*listeners, callbacks.listen):
-                listen(event)
+            for on_event in (*listeners, callbacks.on_event):
+                on_event(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            callbacks.begin(label)
-            return store.run(stage, config, inputs, watch)
+            callbacks.on_stage(label)
+            return store.run(stage, config, inputs, on_progress)
 
         if self.engine == "local":
             return run_pipeline(self.plan, call, store.put, tell)
-        with prefect_server(self.home.data / "prefect") as server:
+        with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
             demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
@@ -145,7 +145,7 @@ class SynthesisRun:
         """Publish the program and say what was found."""
         plan, figures = self.plan, found.figures
         name = f"{program_name(plan.task.name)}-{found.profile}-seed{plan.seed}"
-        out = self.out or self.home.data / "programs" / name
+        out = self.out or self.workspace.data / "programs" / name
         publish(found.directory, out, {"env_steps": env_steps}, commit)
         return {
             "task": plan.task.name,

@@ -17,7 +17,7 @@ from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import ProgramError
-from roboscribe.evaluation import Evaluation, Watch, measure, unwatched
+from roboscribe.evaluation import Evaluation, Watch, ignore_counts, measure
 from roboscribe.html.code import program_html
 from roboscribe.html.style import standalone
 from roboscribe.io.saved_program import load_program
@@ -171,7 +171,7 @@ def evaluate(
     *,
     episodes: int = EVALUATION_EPISODES,
     seed: int = 0,
-    watch: Watch = unwatched,
+    watch: Watch = ignore_counts,
 ) -> Evaluation:
     """Measure how often a program solves a task.
 

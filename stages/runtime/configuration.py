@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def encode(value: object) -> Json:
-    """Spell a settings value as JSON.
+    """Encode a settings value as JSON.
 
     Raises:
         TypeError: a value of a kind that settings may not hold.
@@ -102,6 +102,6 @@ def _dataclass(kind: Any, value: Mapping[str, Json], where: str) -> Any:  # noqa
 
 
 def _refuse(where: str, found: object, expected: str) -> NoReturn:
-    """Raise the one error of this module."""
+    """Raise an ArtifactError that says what was found and what was expected."""
     msg = f"{where}: found {found!r}, expected {expected}"
     raise ArtifactError(msg)

@@ -13,7 +13,7 @@ class ControlStepCounter:
 
     env_steps: int = 0
 
-    def listen(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Count an event's control steps; the final evaluation is counted by itself."""
         match event:
             case Trained(_, reports, _):

@@ -96,7 +96,7 @@ class MlflowSync:
     _offset: int = 0
 
     def __post_init__(self) -> None:
-        """Go on where the last copier stopped, or from the start where the store is another one."""
+        """Continue where the last copy stopped, or from the start where the store is another one."""
         state = _state(self.directory)
         if state.get("store") == store_identity(self.mlruns) and all(map(self._there, state["runs"].values())):
             self._runs, self._offset = dict(state["runs"]), int(state["offset"])
@@ -140,7 +140,7 @@ class MlflowSync:
             write_file(self.directory / STATE, indented_json({**state, "sum": _sum(state)}).encode())
 
     def mark_killed(self) -> None:
-        """Mark the run as killed where its last word is that it runs."""
+        """Mark the run as killed where its journal ends with status RUNNING."""
         own = (record for _, record in read_records(self.directory / JOURNAL) if record["run"] == PARENT)
         statuses = _of("status", own)
         if statuses and statuses[-1]["value"] not in ENDED and PARENT in self._runs:
@@ -194,7 +194,7 @@ class MlflowSync:
         self.client.log_batch(run_id, tags=tags)
 
     def _status(self, name: str, value: str, when: int) -> None:
-        """Set how a run stands; the end of the parent ends its children."""
+        """Set a run's status; the end of the parent ends its children."""
         if value not in ENDED:
             self.client.update_run(self._runs[name], status=value)
             return
@@ -204,7 +204,7 @@ class MlflowSync:
                 self.client.set_terminated(run_id, value, end_time=when)
 
     def _find_experiment(self) -> str:
-        """Find or create the experiment, once, whoever comes first."""
+        """Find or create the experiment, whichever process comes first."""
         name = self._opening("experiment")
         with _locked(self.mlruns):
             found = self.client.get_experiment_by_name(name)
@@ -227,7 +227,7 @@ class MlflowSync:
 
 
 def unreachable() -> tuple[type[Exception], ...]:
-    """Name what a store raises that is locked, damaged or gone."""
+    """Return the exceptions of a store that is locked, damaged or missing."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 

@@ -56,7 +56,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Tracker:
-    """Listens to one synthesis, or to the training of a baseline.
+    """Journals the events of one synthesis, or of one baseline's training.
 
     Args:
         directory: of the run; holds the journal.
@@ -125,16 +125,16 @@ class Tracker:
         return run_id_of(self.directory)
 
     def leave(self) -> None:
-        """Let the copying process finish by itself; someone waits for this one to end."""
+        """Let the copying process finish by itself, without waiting for it."""
         if self._follower is not None and self._follower.stdin is not None:
             self._follower.stdin.close()
 
     def status(self, value: str) -> None:
-        """Journal how the run stands: RUNNING, FINISHED, FAILED or KILLED."""
+        """Journal the run's status: RUNNING, FINISHED, FAILED or KILLED."""
         self._note(PARENT, "status", value, value, self.attempt)
 
     def result(self, metrics: Mapping[str, float], step: int) -> None:
-        """Journal the figures of the whole run at its last control step; told again, they keep their first values."""
+        """Journal the figures of the whole run at its last control step; repeated, they keep their first values."""
         self._metrics(PARENT, metrics, step)
 
     def seconds(self, own: float) -> float:
@@ -166,14 +166,14 @@ class Tracker:
         self._note(PARENT, "artifacts", "program", str(directory))
         self._note(PARENT, "model", "program", str(directory))
 
-    def watch(self, progress: Progress) -> None:
+    def on_progress(self, progress: Progress) -> None:
         """Journal a learner's figures as they come."""
         if progress.unit == STEPS:
             self._curve(progress.what, progress.metrics, progress.done, progress.time)
 
-    def listen(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Journal an event."""
-        self._counter.listen(event)
+        self._counter.on_event(event)
         match event:
             case Ingested(report, profile):
                 self.params = {**self.params, "profile": profile}
@@ -333,7 +333,7 @@ def _modified(path: Path) -> int:
 
 
 def spent(records: Iterable[Record]) -> float:
-    """Add up the seconds of a journal's attempts; one that was killed lasted until the last word that it told."""
+    """Add up the seconds of a journal's attempts; one that was killed lasted until its last record."""
     total, began, last = 0.0, None, 0
     for record in records:
         time = int(str(record["time"]))

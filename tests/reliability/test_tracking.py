@@ -41,7 +41,7 @@ def tracker(home: Path, title: str = "some run") -> Tracker:
 def tell(listening: Tracker, steps: range) -> None:
     """Tell a learner's figures."""
     for step in steps:
-        listening.watch(Progress("hold", step, 100, "steps", {"success": step / 100}, time=1000 + step))
+        listening.on_progress(Progress("hold", step, 100, "steps", {"success": step / 100}, time=1000 + step))
 
 
 def copy(home: Path) -> None:
