@@ -24,13 +24,14 @@ from roboscribe.stages import baseline, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode
-from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Listener, Trained
+from roboscribe.stages.runtime.events import Evaluated, Event, EventCallback, Ingested, Trained
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.steps import RunStage
+from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import Tracker
 
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
@@ -100,7 +101,7 @@ class BaselinePlan:
 
 
 @dataclass
-class Work:
+class BaselineStages:
     """The stages of one baseline, in order; each leaves what the next one needs.
 
     Args:
@@ -111,7 +112,7 @@ class Work:
 
     plan: BaselinePlan
     call: RunStage
-    tell: Listener
+    tell: EventCallback
     shown: Path | None = None
     digest: str = ""
     trained: Path = Path()
@@ -123,10 +124,10 @@ class Work:
         plan = self.plan
         found: dict[str, Callable[[], None]] = {}
         if RECIPES[plan.method].states:
-            found["demonstrations"] = self._show
+            found["demonstrations"] = self._collect
         return {**found, f"train {plan.method}": self._train, f"evaluate {plan.method}": self._evaluate}
 
-    def _show(self) -> None:
+    def _collect(self) -> None:
         plan, recipe = self.plan, RECIPES[self.plan.method]
         asked = SynthesisPlan(
             plan.task, plan.seed, demonstrations=plan.demonstrations, n_demonstrations=plan.n_demonstrations
@@ -164,18 +165,18 @@ class Work:
 
 @dataclass(frozen=True)
 class BaselineRun:
-    """Everything one baseline needs.
+    """One training and evaluation of a baseline: plan, workspace, engine, tracking.
 
     Args:
         plan: what is asked for.
-        home: where it is kept.
+        workspace: where it is kept.
         engine: what runs the stages.
         out: where the policy goes; None is a directory under `data/baselines`.
         track: whether MLflow is told.
     """
 
     plan: BaselinePlan
-    home: Workspace
+    workspace: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
@@ -187,13 +188,16 @@ class BaselineRun:
             What `roboscribe baseline --json` writes, or why nothing can be learned from the demonstrations.
         """
         start, commit = perf_counter(), checkout_commit()
-        directory = self.home.data / "runs" / self.key()
+        directory = self.workspace.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
             plan = self.plan
-            tracker = Tracker(directory, self.home.mlruns, self._params(), plan.title, plan.task.name, kind="baseline")
+            tracker = Tracker(
+                directory, self.workspace.mlruns, self._params(), plan.title, plan.task.name, kind="baseline"
+            )
             if self.track:
                 tracker.start()
+            tracker.tags(source_tags(f"roboscribe baseline {plan.title}", commit))
             try:
                 work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)
@@ -212,38 +216,38 @@ class BaselineRun:
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
-    def _work(self, callbacks: Callbacks, tracker: Tracker) -> Work:
+    def _work(self, callbacks: Callbacks, tracker: Tracker) -> BaselineStages:
         """Run the stages."""
-        store = Store(self.home.data / "stages")
+        store = Store(self.workspace.data / "stages")
 
-        def watch(progress: Progress) -> None:
-            tracker.watch(progress)
-            callbacks.watch(progress)
+        def on_progress(progress: Progress) -> None:
+            tracker.on_progress(progress)
+            callbacks.on_progress(progress)
 
         def tell(event: Event) -> None:
-            tracker.listen(event)
-            callbacks.listen(event)
+            tracker.on_event(event)
+            callbacks.on_event(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            callbacks.begin(label)
-            return store.run(stage, config, inputs, watch)
+            callbacks.on_stage(label)
+            return store.run(stage, config, inputs, on_progress)
 
-        work = Work(self.plan, call, tell)
+        work = BaselineStages(self.plan, call, tell)
         steps = work.steps()
         if self.engine == "local":
             for step in steps.values():
                 step()
             return work
-        with prefect_server(self.home.data / "prefect") as server:
+        with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.measurement import measure_with_prefect
 
             measure_with_prefect(self.plan.title, list(steps), lambda number: list(steps.values())[number](), server)
         return work
 
-    def _result(self, work: Work, commit: str) -> dict[str, Json]:
+    def _result(self, work: BaselineStages, commit: str) -> dict[str, Json]:
         """Publish the policy and say what was found."""
         plan, taken, figures = self.plan, read_json(work.trained / OUTCOME), read_json(work.evaluated / OUTCOME)
-        out = self.out or self.home.data / "baselines" / f"{plan.method}-{plan.task.name}-seed{plan.seed}"
+        out = self.out or self.workspace.data / "baselines" / f"{plan.method}-{plan.task.name}-seed{plan.seed}"
         publish(work.trained / DIRECTORY, out, {"figures": figures}, commit)
         return {
             "task": plan.task.name,
@@ -277,7 +281,7 @@ class BaselineRun:
 
 
 def _report(method: Method, outcome: Mapping[str, Any]) -> dict[str, Any]:
-    """Describe a training as those of controllers are described."""
+    """Describe a training in the form of a controller's training report."""
     measured = [float(point["success"]) for point in outcome["curve"] if "success" in point]
     return {
         "controller": method.replace("-", "_"),

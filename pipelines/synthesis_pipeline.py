@@ -11,7 +11,7 @@ from roboscribe.abstraction_refinement import Solution, roboscribe
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.grounding import settled_profile
 from roboscribe.stages import collect, evaluate, film, ingest, package
-from roboscribe.stages.runtime.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
+from roboscribe.stages.runtime.events import Evaluated, EventCallback, Failed, Filmed, Ingested, Packaged
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_fail, read_json
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
@@ -35,7 +35,7 @@ class SynthesisResult:
     directory: Path
 
 
-def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: Listener) -> SynthesisResult | Fail:
+def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: EventCallback) -> SynthesisResult | Fail:
     """Collect or take demonstrations, run Algorithm 1, evaluate and package.
 
     Args:
@@ -117,4 +117,4 @@ def usable_demonstrations(plan: SynthesisPlan, call: RunStage) -> tuple[Path, di
     given = demonstration_file(plan, call)
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
     fail = read_fail(out)
-    return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
+    return out / DEMONSTRATIONS, fail or {**read_json(out / ingest.REPORT), "source": str(given)}

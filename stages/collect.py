@@ -11,7 +11,7 @@ from roboscribe.envs.demonstrator import demonstrate
 from roboscribe.envs.styles import DEFAULT
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.stages.runtime import cli
-from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.progress import Progress, ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
 
@@ -35,7 +35,7 @@ class Config:
     failing: float = 0.0
 
 
-def collect(config: Config, path: Path, report: Report = silent) -> str:
+def collect(config: Config, path: Path, report: ProgressCallback = ignore_progress) -> str:
     """Write demonstrations to a file; returns its SHA-256."""
     task = config.task.make()
     report(Progress("demonstrations", 0, config.n_demonstrations, "episodes"))
@@ -49,7 +49,7 @@ def collect(config: Config, path: Path, report: Report = silent) -> str:
     )
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `demonstrations.parquet`; there are no inputs."""
     collect(config, out / DEMONSTRATIONS, report)
 

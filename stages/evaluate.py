@@ -12,7 +12,7 @@ from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json, read_program, write_json
-from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
@@ -36,14 +36,16 @@ class Config:
     confirm: int = CONFIRM
 
 
-def record(program: Runnable, task: Task, seed: int, count: int, out: Path, report: Report = silent) -> None:
+def record(
+    program: Runnable, task: Task, seed: int, count: int, out: Path, report: ProgressCallback = ignore_progress
+) -> None:
     """Evaluate a program; write its figures as `outcome.json`, its episodes as `episodes.json`."""
-    evaluation = measure(program, task, seed, count, episode_watch(f"roll out {ROOT}", count, report))
+    evaluation = measure(program, task, seed, count, episode_progress(f"roll out {ROOT}", count, report))
     write_json(out / EPISODES, evaluation.table)
     write_json(out / OUTCOME, evaluation.figures)
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `outcome.json` and `episodes.json`.
 
     Inputs:

@@ -20,7 +20,7 @@ from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
 from roboscribe.stages.runtime.files import read_json, read_program
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
@@ -124,7 +124,7 @@ def film(
     return write_video(frames, out, task.frequency / every * (SLOW if how.slow else 1.0))
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `rollout.mp4`, or `rollout.gif` where no encoder is found.
 
     Inputs:

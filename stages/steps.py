@@ -16,7 +16,7 @@ from roboscribe.grounding import CHECKED, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
 from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
 from roboscribe.stages.runtime import controller_files
-from roboscribe.stages.runtime.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
+from roboscribe.stages.runtime.events import Abandoned, EventCallback, Programmed, Refined, Removed, RolledOut, Trained
 from roboscribe.stages.runtime.files import (
     EPISODES,
     FAILURES,
@@ -47,7 +47,7 @@ from roboscribe.world.layout import FloatArray
 
 
 class RunStage(Protocol):
-    """Runs a stage under a name that tells a reader what it is for; returns the directory of its outputs."""
+    """Runs a stage under a readable name; returns the directory of its outputs."""
 
     def __call__(self, label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
         """Run or find the outputs."""
@@ -88,7 +88,7 @@ class StagedSteps:
     demonstrations: Path
     call: RunStage
     put: StoreValue
-    tell: Listener
+    tell: EventCallback
 
     def steps(self) -> Steps[ControllerFiles]:
         """Return the pieces of Algorithm 2."""
@@ -156,7 +156,7 @@ class StagedSteps:
         return read_fail(out) or read_refinement(out / REFINEMENT)
 
     def decided(self, decision: Decision) -> None:
-        """Tell what Algorithm 1 decides."""
+        """Pass on what Algorithm 1 decides, as events."""
         match decision:
             case core.Refined(refinement, tree, count, shown):
                 path = self.json(REFINEMENT, refinement_to_json(refinement))
@@ -169,7 +169,7 @@ class StagedSteps:
                 assert_never(decision)
 
     def strips(self, refinement: Refinement, tree: Tree) -> Strips:
-        """See where a subgoal holds along the demonstrations."""
+        """Compute where a subgoal holds along the demonstrations."""
         frequency = self.plan.task.make().frequency
         return strips(refinement.node.name, refinement.psi, tree, self.evidence, frequency)
 

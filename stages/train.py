@@ -16,7 +16,7 @@ from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library, write_library
 from roboscribe.stages.runtime.files import read_program, write_json
 from roboscribe.stages.runtime.journal import Journal
-from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.progress import Progress, ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_tree
 from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
@@ -46,7 +46,7 @@ class Config:
     solve: bool = True
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write the library, each controller's step limit, and how each new skill was learned.
 
     An interrupted run goes on from the checkpoints in `progress/`. Figures along the way go to `metrics.jsonl`.
@@ -80,9 +80,9 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 
 
 class _Log:
-    """Writes figures to the stage's journal, and tells them to whoever watches."""
+    """Appends figures to the stage's journal and reports them as progress."""
 
-    def __init__(self, path: Path, training: TrainConfig, report: Report) -> None:
+    def __init__(self, path: Path, training: TrainConfig, report: ProgressCallback) -> None:
         self._journal = Journal(path, ("controller", "step", "names"))
         self._training = training
         self._report = report

@@ -13,7 +13,7 @@ from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, lo
 from roboscribe.saved import open_saved
 from roboscribe.stages.evaluate import record
 from roboscribe.stages.runtime import cli
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 
@@ -41,7 +41,7 @@ def inputs_of(directory: Path) -> dict[str, Path]:
     return {name: directory / file for name, file in FILES.items()}
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `outcome.json` and `episodes.json`.
 
     Inputs:

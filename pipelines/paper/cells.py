@@ -14,12 +14,13 @@ from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_run import ControlStepCounter, SynthesisRun
+from roboscribe.pipelines.synthesis_run import SynthesisRun
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages import baseline, collect, evaluate, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
 from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
 from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json
@@ -38,17 +39,17 @@ class CellContext:
     """Where cells are computed.
 
     Args:
-        home: whose store keeps them.
+        workspace: whose store keeps them.
         track: whether MLflow is told of the syntheses and trainings in them.
     """
 
-    home: Workspace
+    workspace: Workspace
     track: bool = True
 
     @property
     def store(self) -> Store:
         """The store of finished stages."""
-        return Store(self.home.data / "stages")
+        return Store(self.workspace.data / "stages")
 
 
 class Cell(Protocol):
@@ -81,8 +82,8 @@ class Transfer:
 
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Measure it."""
-        callbacks.begin(self.label)
-        return context.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), callbacks.watch)
+        callbacks.on_stage(self.label)
+        return context.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), callbacks.on_progress)
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ class Synthesis:
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
         plan = planned(self.trial, demonstrations(self.trial, context, callbacks))
-        session = SynthesisRun(plan, context.home, "local", track=context.track)
+        session = SynthesisRun(plan, context.workspace, "local", track=context.track)
         identity = CellConfig(session.key(), self.trial.rollout_episodes, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
@@ -153,7 +154,7 @@ class Training:
             trial.n_demonstrations,
             trial.evaluation_episodes,
         )
-        session = BaselineRun(plan, context.home, "local", track=context.track)
+        session = BaselineRun(plan, context.workspace, "local", track=context.track)
         identity = CellConfig(session.key(), CHECKED, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
@@ -188,13 +189,13 @@ def demonstrations(trial: Trial, context: CellContext, callbacks: Callbacks) -> 
     config = replace(usual, style=trial.style, failing=trial.failing)
     if config == usual:
         return None
-    callbacks.begin(f"collect {trial.style} demonstrations")
-    return context.store.run(collect.STAGE, config, {}, callbacks.watch) / DEMONSTRATIONS
+    callbacks.on_stage(f"collect {trial.style} demonstrations")
+    return context.store.run(collect.STAGE, config, {}, callbacks.on_progress) / DEMONSTRATIONS
 
 
 @dataclass
 class SynthesisObserver:
-    """Keeps every program that was trained for the task itself, and when.
+    """Keeps every program that was trained for the task itself, and the seconds it took until then.
 
     Args:
         callbacks: who hears of everything, too.
@@ -222,9 +223,9 @@ class SynthesisObserver:
         """Seconds since the start, or those that the store remembers, where an interruption lies between."""
         return max(self.seconds, perf_counter() - self.start)
 
-    def listen(self, event: Event) -> None:
-        """Hear what happens."""
-        self.counter.listen(event)
+    def on_event(self, event: Event) -> None:
+        """Keep what was trained and counted."""
+        self.counter.on_event(event)
         if not isinstance(event, Evaluated | Packaged):
             self.took = self.elapsed
         match event:
@@ -240,7 +241,7 @@ class SynthesisObserver:
                     self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
             case _:
                 pass
-        self.callbacks.listen(event)
+        self.callbacks.on_event(event)
 
     def _spent(self, out: Path) -> None:
         self.seconds += float(read_json(out / TIMING)["wall_seconds"])
@@ -249,8 +250,8 @@ class SynthesisObserver:
 def _synthesize(plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a cell."""
     commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = SynthesisRun(plan, context.home, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
+    session = SynthesisRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
     points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in witness.programs)
     if isinstance(result, Fail):
         last = Point(witness.counter.env_steps, 0, plan.evaluation_episodes, witness.took, final=True)
@@ -267,8 +268,8 @@ def _synthesize(plan: SynthesisPlan, checked: int, context: CellContext, callbac
 def _train(plan: BaselinePlan, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a baseline's cell."""
     commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = BaselineRun(plan, context.home, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
+    session = BaselineRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
     profile = RECIPES[plan.method].profile
     if isinstance(result, Fail):
         last = Point(0, 0, plan.evaluation_episodes, witness.took, final=True)
@@ -308,9 +309,9 @@ def _measured(
         "weights": trained / WEIGHTS,
         "limits": trained / LIMITS,
     }
-    callbacks.begin(f"evaluate what was trained after {steps} control steps")
+    callbacks.on_stage(f"evaluate what was trained after {steps} control steps")
     config = evaluate.Config(plan.task, plan.seed, checked, plan.training.confirm)
-    figures = read_json(store.run(evaluate.STAGE, config, inputs, callbacks.watch) / OUTCOME)
+    figures = read_json(store.run(evaluate.STAGE, config, inputs, callbacks.on_progress) / OUTCOME)
     return Point(steps, int(figures["successes"]), int(figures["episodes"]), seconds)
 
 

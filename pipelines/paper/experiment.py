@@ -58,7 +58,7 @@ class Options:
     programs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what makes no sense.
+        """Refuse options that contradict each other.
 
         Raises:
             TaskError: a budget that is neither a word nor a number.
@@ -95,13 +95,13 @@ class ExperimentContext:
     """Where an experiment is done.
 
     Args:
-        home: where everything is kept.
+        workspace: where everything is kept.
         runner: what runs the cells.
         out: where the report goes; None is `data/paper/NAME`.
         track: whether MLflow is told.
     """
 
-    home: Workspace
+    workspace: Workspace
     runner: Runner = field(default_factory=Runner)
     out: Path | None = None
     track: bool = True
@@ -109,12 +109,12 @@ class ExperimentContext:
     @property
     def cell_context(self) -> CellContext:
         """Where cells are computed."""
-        return CellContext(self.home, self.track)
+        return CellContext(self.workspace, self.track)
 
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """What an experiment leaves.
+    """The result of an experiment.
 
     Args:
         summary: the report in Markdown; "" where nothing could be measured.
@@ -132,7 +132,7 @@ class ExperimentResult:
 
 
 def existing(tasks: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Part the tasks of the paper that can be made from those that do not exist yet."""
+    """Separate the tasks of the paper that can be made from those that do not exist yet."""
     built = tuple(task for task in tasks if _exists(task))
     return built, tuple(task for task in tasks if task not in built)
 
@@ -229,7 +229,7 @@ def finish(
         words: further options of the command line.
     """
     commit, title = checkout_commit(), f"paper {name}"
-    earlier = newest(context.home.data / "runs", title, name, commit, quick=options.quick)
+    earlier = newest(context.workspace.data / "runs", title, name, commit, quick=options.quick)
     about = About(
         name,
         shlex.join(["roboscribe", "paper", name, *options.words(), *words]),
@@ -241,7 +241,7 @@ def finish(
         {"asked": encode(options)},
     )
     files = report_files(report, about)
-    out = context.out or context.home.data / "paper" / (f"{name}-quick" if options.quick else name)
+    out = context.out or context.workspace.data / "paper" / (f"{name}-quick" if options.quick else name)
     out.mkdir(parents=True, exist_ok=True)
     write_files({out / file: data for file, data in files.items()})
     summary = files[f"{name}.md"].decode()
@@ -257,14 +257,14 @@ def _track(
     context: ExperimentContext,
     children: Sequence[ChildRun],
 ) -> str | None:
-    """Tell MLflow of the run and of its cells; the same run told again is the same run."""
+    """Track the run and its cells in MLflow; tracked again, it is the same run."""
     identity: Json = {
         "command": about.command,
         "commit": about.commit,
         "table": hashlib.sha256(files[f"{about.name}.csv"]).hexdigest(),
         "code": code_version("roboscribe.stages.paper.curves"),
     }
-    directory = context.home.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
+    directory = context.workspace.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
     directory.mkdir(parents=True, exist_ok=True)
     params = {"quick": str(about.quick), "command": about.command}
     lock = ROOT / "requirements.lock"
@@ -274,7 +274,7 @@ def _track(
         "roboscribe.lock": sha256_of(lock) if lock.is_file() else "",
     }
     with locked(directory):
-        return track_experiment(directory, context.home.mlruns, title, title, params, {}, files, tags, children)
+        return track_experiment(directory, context.workspace.mlruns, title, title, params, {}, files, tags, children)
 
 
 def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:

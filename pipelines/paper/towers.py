@@ -99,7 +99,7 @@ def measure_towers(
     failures: tuple[str, ...] = ()
     with ExitStack() as stack:
         if options.programs:
-            named = [(name, stack.enter_context(given_program(name, context.home))) for name in options.programs]
+            named = [(name, stack.enter_context(given_program(name, context.workspace))) for name in options.programs]
             subjects = _distinct([_subject(name, found) for name, found in named])
         else:
             outcomes = run_trials(TITLE, trials, context, console)

@@ -16,7 +16,7 @@ Log: TypeAlias = Callable[[Mapping[str, float], int], None]
 """Receives metrics by name, and the control steps spent so far."""
 
 
-def silent(metrics: Mapping[str, float], step: int) -> None:
+def no_log(metrics: Mapping[str, float], step: int) -> None:
     """Log nothing."""
 
 

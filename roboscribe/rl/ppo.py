@@ -13,7 +13,7 @@ from rsl_rl.runners import OnPolicyRunner
 
 from roboscribe.rl.checkpoint import Arrays, prefixed, read_checkpoint, under, write_checkpoint
 from roboscribe.rl.config import PpoConfig
-from roboscribe.rl.learner import Learned, LearnerTask, Log, silent
+from roboscribe.rl.learner import Learned, LearnerTask, Log, no_log
 from roboscribe.rl.rsl import RslEnv, build_runner
 from roboscribe.rl.skill import Layers, Skill, layer_arrays, layers_from
 from roboscribe.rl.skill_env import SkillEnv
@@ -46,7 +46,7 @@ def train_ppo(
     task: LearnerTask,
     config: PpoConfig,
     seed: int,
-    log: Log = silent,
+    log: Log = no_log,
     checkpoint: Path | None = None,
 ) -> Learned:
     """Improve a skill by PPO; what is returned never evaluates worse than the skill given.

@@ -28,7 +28,7 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 """Receives a controller's name, metrics by name, and the control steps spent on it so far."""
 
 
-def quiet(controller: str, metrics: Mapping[str, float], step: int) -> None:
+def no_log(controller: str, metrics: Mapping[str, float], step: int) -> None:
     """Log nothing."""
 
 
@@ -84,7 +84,7 @@ def train_program(
     library: Mapping[str, Skill],
     config: TrainConfig,
     seed: int,
-    log: ProgramLog = quiet,
+    log: ProgramLog = no_log,
     checkpoints: Path | None = None,
     solve: bool = True,
 ) -> TrainingResult:

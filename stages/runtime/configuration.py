@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def encode(value: object) -> Json:
-    """Spell a settings value as JSON.
+    """Encode a settings value as JSON.
 
     Raises:
         TypeError: a value of a kind that settings may not hold.
@@ -30,6 +30,16 @@ def encode(value: object) -> Json:
         return {field.name: encode(getattr(value, field.name)) for field in fields(value)}
     msg = f"settings hold {type(value).__name__} {value!r}; expected numbers, text, tuples or frozen dataclasses"
     raise TypeError(msg)
+
+
+def flattened(value: Json, name: str = "") -> dict[str, Json]:
+    """Spread nested settings out: every plain value by its dotted name, "training.ppo.worlds" for instance."""
+    if not isinstance(value, Mapping):
+        return {name: value}
+    found: dict[str, Json] = {}
+    for key, item in value.items():
+        found |= flattened(item, f"{name}.{key}" if name else str(key))
+    return found
 
 
 def decode(kind: type[T], value: Json, where: str = "settings") -> T:
@@ -92,6 +102,6 @@ def _dataclass(kind: Any, value: Mapping[str, Json], where: str) -> Any:  # noqa
 
 
 def _refuse(where: str, found: object, expected: str) -> NoReturn:
-    """Raise the one error of this module."""
+    """Raise an ArtifactError that says what was found and what was expected."""
     msg = f"{where}: found {found!r}, expected {expected}"
     raise ArtifactError(msg)

@@ -16,10 +16,9 @@ from roboscribe import programs
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
 from roboscribe.pipelines import synthesis_pipeline
-from roboscribe.pipelines.programs import program_directory
 from roboscribe.pipelines.source_commit import checkout_commit
 from roboscribe.pipelines.synthesis_run import publish
-from roboscribe.programs import shipped_programs
+from roboscribe.programs import program_directory, shipped_programs
 from roboscribe.rl.config import TrainConfig
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig

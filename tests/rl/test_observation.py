@@ -4,13 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from carry_world import PROGRAM, layout
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.observation import FINE_CLIP, TURNED_SCALES, Encoder, ObservationSpec, Part, observation_spec
 from roboscribe.world import Attribute, Layout, ObjectType
 from roboscribe.world.layout import ROBOT
+from tests.rl.carry_world import PROGRAM, layout
 
 HOLD, AT = controllers(PROGRAM)
 STATE = np.array([[0.1, 0.2, 0.4, 0.8, 0.41, 0.0, 5.0, 6.0, 7.0, 8.0]])

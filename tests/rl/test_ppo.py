@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from carry_world import HOLD, PROGRAM, Carry
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
@@ -20,6 +19,7 @@ from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, Verdict
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Subtask
+from tests.rl.carry_world import HOLD, PROGRAM, Carry
 
 TASK = Carry()
 SMALL = PpoConfig(worlds=8, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=1)

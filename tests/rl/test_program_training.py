@@ -1,13 +1,13 @@
 """What follows from a program for one of its skills."""
 
 import pytest
-from carry_world import Carry
 
 from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Not, Predicate, Program, Truth
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.program_training import ProgramTraining
+from tests.rl.carry_world import Carry
 
 LOOP = """def P(μ : EE):
   while (b := get(λb:block. ¬‖b↓xy − g(b)↓xy‖ < 0.08)) ≠ null:

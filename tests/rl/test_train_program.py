@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.train_program import TrainingResult, step_limits, train_program
+from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 TASK = Carry()
 SHOWN = TASK.demonstrate(15, 0)
