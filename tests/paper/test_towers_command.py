@@ -40,12 +40,13 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from roboscribe.pipelines.workspace import Home
-from roboscribe.pipelines.paper.experiment import Desk
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.pipelines.paper.experiment import ExperimentContext
 from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 from tests.paper.test_towers_command import SMALL, replace
 options = replace(SMALL, programs=(sys.argv[1],))
-measure_towers(Experiment(), options, Desk(Home(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False), Console())
+context = ExperimentContext(Workspace(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False)
+measure_towers(Experiment(), options, context, Console())
 """
 
 
