@@ -215,7 +215,7 @@ def results(
     from roboscribe.pipelines.paper.results import write_results
     from roboscribe.pipelines.workspace import Workspace
 
-    _say(str(write_results(Workspace(home).data / "paper", out)))
+    say(str(write_results(Workspace(home).data / "paper", out)))
 
 
 def _options(
