@@ -20,7 +20,7 @@ from roboscribe.pipelines.paper.experiment import ExperimentContext, Options
 from roboscribe.pipelines.paper.cell_runner import Runner
 
 if __name__ == "__main__":
-    options = Options(("point-pick-place-1",), ("roboscribe",), ("scripted",), seeds=2, episodes=10)
+    options = Options(("point-pick-place-1",), ("roboscribe",), ("scripted",), seeds=2, evaluation_episodes=10)
     home, workers = Path(sys.argv[1]), int(sys.argv[2])
     context = ExperimentContext(Workspace(home), Runner("local", workers), home / "report", track=False)
     draw_curves(options, context, Console())
