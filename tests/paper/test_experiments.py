@@ -267,3 +267,10 @@ def test_a_synthesis_without_a_program_ends_with_3(
     said = capsys.readouterr().out
     assert f"FAIL: roboscribe {ONE} scripted seed 0: " in said
     assert f"| {ONE} | roboscribe, scripted | 0 | - | no program | - |  |" in said
+
+
+def test_refinements_are_counted_per_synthesis(tmp_path: Path) -> None:
+    said = io.StringIO()
+    draw_curves(SMALL, context(tmp_path), Console(file=said, width=200))
+    assert said.getvalue().count("refinement 1:") == 2
+    assert "refinement 3:" not in said.getvalue()
