@@ -33,12 +33,17 @@ from roboscribe.stages.runtime.task_config import TaskConfig
 
 PROFILES = ("actions", "states")
 """Profiles that are drawn; `paper` takes half an hour per seed of one block and is drawn on demand."""
+PLANAR = "point-"
+"""How names of tasks in the plane begin."""
 
 
 def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) -> list[Trial]:
     """List what is run: of every task every method, programs under every profile, each seed."""
-    profiles = options.profiles or (PROFILES[:1] if options.quick else PROFILES)
-    pairs = [(method, profile) for method in methods for profile in (profiles if method == OURS else ("",))]
+    ways = [
+        (task, method, profile)
+        for task, method in product(tasks, methods)
+        for profile in (_profiles(task, options) if method == OURS else ("",))
+    ]
     return [
         Trial(
             TaskConfig(task),
@@ -49,8 +54,15 @@ def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) ->
             evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
-        for task, (method, profile), seed in product(tasks, pairs, range(options.seeds))
+        for (task, method, profile), seed in product(ways, range(options.seeds))
     ]
+
+
+def _profiles(task: str, options: Options) -> tuple[str, ...]:
+    """Return what programs are learned from; in a quick run a task in the plane takes the controllers it brings."""
+    if options.profiles or not options.quick:
+        return options.profiles or PROFILES
+    return ("scripted",) if task.startswith(PLANAR) else PROFILES[:1]
 
 
 def draw_curves(options: Options, context: ExperimentContext, console: Console) -> ExperimentResult:
@@ -76,7 +88,7 @@ def draw_curves(options: Options, context: ExperimentContext, console: Console) 
 
 def _elsewhere(outcomes: Sequence[Outcome], context: ExperimentContext, console: Console) -> list[Row]:
     """Measure the final programs under the paper's contact model, where a task has one."""
-    found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith("point-")]
+    found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith(PLANAR)]
     trials = [replace(each.trial, task=replace(each.trial.task, contact="paper")) for each in found]
     cells = [
         Transfer(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
@@ -111,7 +123,7 @@ def make_table1(options: Options, context: ExperimentContext, console: Console) 
     options = options.quickly()
     tasks, missing = chosen_tasks(options, tuple(REPORTED))
     built = [task for task in tasks if task not in missing]
-    usual = replace(options, profiles=options.profiles or PROFILES[:1])
+    usual = options if options.quick else replace(options, profiles=options.profiles or PROFILES[:1])
     outcomes = run_trials("paper table1", trials_of(usual, built, (OURS,)), context, console)
     failures = failures_of(outcomes)
     if not outcomes:

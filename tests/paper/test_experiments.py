@@ -21,7 +21,7 @@ from roboscribe.pipelines.paper import cells
 from roboscribe.pipelines.paper.cell_runner import Runner, no_callbacks
 from roboscribe.pipelines.paper.cells import CellContext, Synthesis
 from roboscribe.pipelines.paper.confined import Confinement, measure_confined
-from roboscribe.pipelines.paper.curves import draw_curves, make_table1
+from roboscribe.pipelines.paper.curves import draw_curves, make_table1, trials_of
 from roboscribe.pipelines.paper.demos import draw_demos, ways_of
 from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 from roboscribe.pipelines.paper.methods import budget_of
@@ -215,6 +215,17 @@ def test_budgets() -> None:
         Options(budget="some")
 
 
+def test_quick_runs_in_the_plane_take_the_controllers_of_the_task() -> None:
+    both = ("pick-place-1", ONE)
+    quick, usual = (trials_of(Options(seeds=1, quick=quick), both, (OURS, "bc")) for quick in (True, False))
+    assert [(trial.task.name, trial.profile) for trial in quick] == [
+        ("pick-place-1", "actions"), ("pick-place-1", ""), (ONE, "scripted"), (ONE, ""),
+    ]  # fmt: skip
+    assert [trial.profile for trial in usual] == ["actions", "states", ""] * 2
+    asked = Options(seeds=1, quick=True, profiles=("states",))
+    assert [trial.profile for trial in trials_of(asked, (ONE,), (OURS,))] == ["states"]
+
+
 def test_quick_runs_say_that_they_are_no_result(tmp_path: Path) -> None:
     options = Options((ONE,), (OURS,), ("scripted",), quick=True)
     done = draw_curves(options, replace(context(tmp_path), out=None), Console(file=io.StringIO()))
@@ -256,3 +267,10 @@ def test_a_synthesis_without_a_program_ends_with_3(
     said = capsys.readouterr().out
     assert f"FAIL: roboscribe {ONE} scripted seed 0: " in said
     assert f"| {ONE} | roboscribe, scripted | 0 | - | no program | - |  |" in said
+
+
+def test_refinements_are_counted_per_synthesis(tmp_path: Path) -> None:
+    said = io.StringIO()
+    draw_curves(SMALL, context(tmp_path), Console(file=said, width=200))
+    assert said.getvalue().count("refinement 1:") == 2
+    assert "refinement 3:" not in said.getvalue()
