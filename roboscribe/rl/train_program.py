@@ -252,14 +252,18 @@ def _train(
 def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
     """Return the control steps that reinforcement may cost, after a warm start of success `rate`.
 
-    Few where a subgoal may still be found before `run`; none where it is likely, since the warm start mostly fails.
+    Few where a subgoal may still be found before `run`; none where it is likely, since what was done in demonstrations
+    mostly fails here. Where none is found then, all is trained once more.
     """
     config = training.config
     if isinstance(run.until, Solved):
         return min(config.opaque_budget, config.budget)
-    if run is not training.runs[0] or training.solve or isinstance(config.learner, SacConfig):
+    if training.solve or isinstance(config.learner, SacConfig):
         return config.learning_steps
-    return min(config.first_budget, config.learning_steps) if rate >= config.worth_improving else 0
+    first = run is training.runs[0]
+    if rate < config.worth_improving and (first or config.profile == "actions"):
+        return 0
+    return min(config.first_budget, config.learning_steps) if first else config.learning_steps
 
 
 def _reinforce(
