@@ -134,9 +134,9 @@ def synthesize(
         where, seed, profile, demonstrations=demos, evaluation_episodes=episodes, training=settings, limits=limits
     )
     make_room(out, json)
-    with SynthesisConsole(console) as story:
-        session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
-        result = session.run(story.callbacks())
+    with SynthesisConsole(console) as output:
+        run = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
+        result = run.run(output.callbacks())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
     say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")

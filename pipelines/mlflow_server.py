@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import socket
 import sys
+from importlib.metadata import entry_points
 
 from roboscribe.errors import RoboScribeError
 from roboscribe.io.tracked import THEIRS, database_uri
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.tracking.mlflow_store import ARTIFACTS, synchronise
+
+APP = "roboscribe"
+"""Name of `mlflow_app` among MLflow's apps."""
 
 
 def serve(workspace: Workspace, port: int) -> None:
@@ -29,6 +33,8 @@ def serve(workspace: Workspace, port: int) -> None:
     command = [sys.executable, "-m", "mlflow", "ui", "--host", "127.0.0.1", "--port", str(port)]
     command += ["--backend-store-uri", database_uri(workspace.mlruns), "--workers", "1"]
     command += ["--default-artifact-root", (workspace.mlruns / ARTIFACTS).resolve().as_uri()]
+    if entry_points(group="mlflow.app", name=APP):  # else the package was installed before it had this
+        command += ["--app-name", APP]
     command += ["--allowed-hosts", ",".join(own)]
     command += ["--cors-allowed-origins", ",".join(f"http://{host}" for host in own)]
     os.execv(sys.executable, command)

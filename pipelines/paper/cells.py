@@ -103,8 +103,8 @@ class Synthesis:
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
         plan = planned(self.trial, demonstrations(self.trial, context, callbacks))
-        session = SynthesisRun(plan, context.workspace, "local", track=context.track)
-        identity = CellConfig(session.key(), self.trial.rollout_episodes, _own_code())
+        run = SynthesisRun(plan, context.workspace, "local", track=context.track)
+        identity = CellConfig(run.key(), self.trial.rollout_episodes, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
             _synthesize(plan, config.checked, context, callbacks, out)
@@ -154,8 +154,8 @@ class Training:
             trial.n_demonstrations,
             trial.evaluation_episodes,
         )
-        session = BaselineRun(plan, context.workspace, "local", track=context.track)
-        identity = CellConfig(session.key(), CHECKED, _own_code())
+        run = BaselineRun(plan, context.workspace, "local", track=context.track)
+        identity = CellConfig(run.key(), CHECKED, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
             _train(plan, context, callbacks, out)
@@ -249,37 +249,37 @@ class SynthesisObserver:
 
 def _synthesize(plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a cell."""
-    commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = SynthesisRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
-    points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in witness.programs)
+    commit, observer = checkout_commit(), SynthesisObserver(callbacks)
+    run = SynthesisRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = run.run(Callbacks(callbacks.on_stage, observer.on_event, callbacks.on_progress))
+    points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in observer.programs)
     if isinstance(result, Fail):
-        last = Point(witness.counter.env_steps, 0, plan.evaluation_episodes, witness.took, final=True)
-        record = Record((*points, last), witness.profile, witness.digest, commit, None, NO_PROGRAM, result.reason)
+        last = Point(observer.counter.env_steps, 0, plan.evaluation_episodes, observer.took, final=True)
+        record = Record((*points, last), observer.profile, observer.digest, commit, None, NO_PROGRAM, result.reason)
     else:
         last = Point(
-            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, observer.took, final=True
         )
         refinements = int(str(result["refinements"]))
-        record = Record((*points, last), witness.profile, witness.digest, commit, refinements)
+        record = Record((*points, last), observer.profile, observer.digest, commit, refinements)
     write_record(out, record)
 
 
 def _train(plan: BaselinePlan, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a baseline's cell."""
-    commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = BaselineRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
+    commit, observer = checkout_commit(), SynthesisObserver(callbacks)
+    run = BaselineRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = run.run(Callbacks(callbacks.on_stage, observer.on_event, callbacks.on_progress))
     profile = RECIPES[plan.method].profile
     if isinstance(result, Fail):
-        last = Point(0, 0, plan.evaluation_episodes, witness.took, final=True)
-        record = Record((last,), profile, witness.digest, commit, ended=NO_PROGRAM, reason=result.reason)
+        last = Point(0, 0, plan.evaluation_episodes, observer.took, final=True)
+        record = Record((last,), profile, observer.digest, commit, ended=NO_PROGRAM, reason=result.reason)
     else:
         last = Point(
-            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, observer.took, final=True
         )
         ended = GIVEN_UP if result["hopeless"] else ""
-        record = Record((*_on_the_way(result["curve"]), last), profile, witness.digest, commit, ended=ended)
+        record = Record((*_on_the_way(result["curve"]), last), profile, observer.digest, commit, ended=ended)
     write_record(out, record)
 
 

@@ -207,6 +207,17 @@ def everything(
         raise typer.Exit(FAIL)
 
 
+@paper.command()
+def results(
+    out: Annotated[Path, typer.Option("--out", help="directory of the page")] = Path("docs"), home: HomeDir = Path()
+) -> None:
+    """Put the reports in data/paper on one page, with the commands that complete them."""
+    from roboscribe.pipelines.paper.results import write_results
+    from roboscribe.pipelines.workspace import Workspace
+
+    say(str(write_results(Workspace(home).data / "paper", out)))
+
+
 def _options(
     task: Sequence[str] | None,
     method: Sequence[str] | None,

@@ -286,24 +286,24 @@ def _warm_start(
     """Return the best of what was known before and of clones, its success, and what gave it."""
     fresh = training.fresh_skill(run, pool)
     known, learner = (skills[run.controller], "kept") if run.controller in skills else (fresh, "initial")
-    if learner == "initial" and (cloned := _clone(training, run, fresh, pool, evaluator)) is not None:
+    if learner == "initial" and (cloned := _clone(training, run, pool, evaluator)) is not None:
         return *cloned, "clone"
     rate = evaluator(known).rate
     if learner == "kept" and rate < training.target(run):
-        cloned = _clone(training, run, fresh, pool, evaluator)
+        cloned = _clone(training, run, pool, evaluator)
         if cloned is not None and cloned[1] > rate:
             return *cloned, "clone"
     return known, rate, learner
 
 
 def _clone(
-    training: ProgramTraining, run: Run, fresh: Skill, pool: StartPool, evaluator: SkillEvaluator
+    training: ProgramTraining, run: Run, pool: StartPool, evaluator: SkillEvaluator
 ) -> tuple[Skill, float] | None:
     """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
     config, frames = training.config, training.frames(run)
     if frames is None or isinstance(run.until, Solved):
         return None
-    seed = training.seed_of(f"{run.controller} clone")
+    seed, fresh = training.seed_of(f"{run.controller} clone"), training.fresh_skills(run, pool)
     match config.profile:
         case "actions":
             return clone_frames(fresh, frames.samples(), evaluator, config, seed)

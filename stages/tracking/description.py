@@ -10,11 +10,11 @@ from roboscribe.evaluation import format_success
 FIGURES = {
     "success": "share of episodes that solved the task; its curve has one point per program tried, then the final one",
     "subgoal_success": "the same for programs that are to reach a subgoal only",
-    "ci_low, ci_high": "95 % Wilson interval of the final success",
-    "episodes": "episodes of the final evaluation",
+    "ci_low, ci_high": "95 % Wilson interval of each of these",
+    "episodes": "episodes in which each was measured",
     "env_steps": "control steps of the synthesis: attempts, rollouts and evaluations of skills included",
     "evaluation_steps": "control steps of the final evaluation",
-    "refinements": "subgoals found",
+    "refinements": "subgoals found so far",
     "wall_seconds": "seconds, all attempts of an interrupted run together",
     "curve/…": "of one controller's training, by its own control steps",
 }

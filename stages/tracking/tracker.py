@@ -38,6 +38,7 @@ from roboscribe.stages.runtime.journal import Journal, Record, read_records
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import TIMING
 from roboscribe.stages.tracking.mlflow_store import JOURNAL, PARENT, run_id_of
+from roboscribe.steps import wilson
 from roboscribe.subtask_tree import ROOT as GOAL
 from roboscribe.tree_json import tree_to_json
 
@@ -185,7 +186,7 @@ class Tracker:
                 self._trained(reports, metrics)
             case RolledOut(goal, counts, _):
                 self._last = event
-                self._metrics(PARENT, {"success" if goal == GOAL else "subgoal_success": _rate(counts)}, self.env_steps)
+                self._metrics(PARENT, _tried(goal, counts), self.env_steps)
             case Refined():
                 self._refined(event)
             case Abandoned(reason):
@@ -260,6 +261,7 @@ class Tracker:
         samples = {"negatives": refinement.negatives, "positives": refinement.positives}
         parsed = {"explained": event.explained, "demonstrations": event.demonstrations}
         self._metrics(name, {**figures, **samples, **parsed}, 0)
+        self._metrics(PARENT, {"refinements": self._counts["refinement"]}, self.env_steps)
         passed: Json = {"columns": ["predicate", "why not"], "data": [list(pair) for pair in refinement.passed_over]}
         self._table(name, self._file(f"{name}/passed_over.json", _json_bytes(passed)))
         rows: list[Json] = [[_cell(getattr(c, column)) for column in _COLUMNS] for c in refinement.table]
@@ -344,6 +346,14 @@ def spent(records: Iterable[Record]) -> float:
 def _lasted(began: int | None, last: int) -> float:
     """Seconds of an attempt; 0 before the first."""
     return 0.0 if began is None else (last - began) / 1000
+
+
+def _tried(goal: str, counts: Mapping[str, Any]) -> dict[str, float]:
+    """Return the points of the curves of one program that was tried."""
+    if goal != GOAL:
+        return {"subgoal_success": _rate(counts)}
+    low, high = wilson(int(counts["successes"]), int(counts["episodes"]))
+    return {"success": _rate(counts), "ci_low": low, "ci_high": high, "episodes": counts["episodes"]}
 
 
 def _rate(counts: Mapping[str, Any]) -> float:

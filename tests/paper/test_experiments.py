@@ -168,7 +168,7 @@ def killed(home: Path, label: str) -> None:
 
     def work() -> None:
         seen: list[str] = []
-        on_stage = Callbacks.__init__
+        original = Callbacks.__init__
 
         def listening(self: Callbacks, told: Callable[[str], None], *others: object) -> None:
             def hear(stage: str) -> None:
@@ -177,7 +177,7 @@ def killed(home: Path, label: str) -> None:
                     os.kill(os.getpid(), signal.SIGKILL)
                 told(stage)
 
-            on_stage(self, hear, *others)  # type: ignore[arg-type]  # the other two ears
+            original(self, hear, *others)  # type: ignore[arg-type]  # the other two callbacks
 
         Callbacks.__init__ = listening  # type: ignore[method-assign]  # in this process only, which dies
         conduct(draw_curves, SMALL, home)

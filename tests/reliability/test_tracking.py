@@ -79,7 +79,7 @@ def test_every_step_is_a_run_or_a_figure(tmp_path: Path) -> None:
     )
     assert dict(shared) == dict.fromkeys(("task", "seed", "profile", "kind"), len(names))  # type: ignore[arg-type]
     assert [value for name, _, value in points(mlruns, "success") if name == "evaluation"] == [1.0]
-    assert [row[2] for row in points(mlruns, "refinements")] == [2.0]
+    assert [row[2] for row in points(mlruns, "refinements")] == [1.0, 2.0, 2.0]
     parents = rows(mlruns, "select count(*) from tags where key = 'mlflow.parentRunId'")
     assert parents == [(len(names) - 1,)]
     ((digest,),) = rows(mlruns, "select digest from datasets")
@@ -227,7 +227,7 @@ def test_a_resumed_run_has_one_result(tmp_path: Path) -> None:
     assert run(scripted(), tmp_path) == resumed
     (journal,) = (tmp_path / "data" / "runs").glob("*/journal.jsonl")
     told = [r["key"] for _, r in read_records(journal) if r["run"] == "" and r["kind"] == "metric"]
-    assert told.count("wall_seconds") == told.count("refinements") == 1
+    assert told.count("wall_seconds") == told.count("evaluation_steps") == 1
 
 
 def delete_experiment(home: Path) -> MlflowClient:
