@@ -43,7 +43,7 @@ app.add_typer(data.demonstrations, name="demos")
 app.add_typer(paper, name="paper")
 
 
-class Engine(StrEnum):
+class EngineName(StrEnum):
     """What runs the stages."""
 
     prefect = "prefect"
@@ -105,7 +105,7 @@ def synthesize(
     demos: Annotated[Path | None, typer.Option(help="demonstrations in Parquet; left out: collect 50")] = None,
     seed: Seed = 0,
     profile: Annotated[Profile | None, typer.Option(help="what may be learned from; left out: all there is")] = None,
-    engine: Annotated[Engine, typer.Option(help="what runs the stages")] = Engine.prefect,
+    engine: Annotated[EngineName, typer.Option(help="what runs the stages")] = EngineName.prefect,
     out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
     json: JsonFile = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
@@ -134,9 +134,9 @@ def synthesize(
         where, seed, profile, demonstrations=demos, evaluation_episodes=episodes, training=settings, limits=limits
     )
     make_room(out, json)
-    with SynthesisConsole(console) as story:
-        session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
-        result = session.run(story.callbacks())
+    with SynthesisConsole(console) as output:
+        run = SynthesisRun(plan, Workspace(home), "local" if engine is EngineName.local else "prefect", out)
+        result = run.run(output.callbacks())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
     say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")

@@ -48,8 +48,8 @@ def evaluation(
 ) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
     start = perf_counter()
-    on_progress = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
-    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, on_progress)
+    watch = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
+    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, watch)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)

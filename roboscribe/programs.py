@@ -47,7 +47,7 @@ class Shipped:
 
 
 def shipped_programs() -> tuple[Shipped, ...]:
-    """Read what the shipped programs say about themselves.
+    """Read the manifests of the shipped programs.
 
     Raises:
         ArtifactError: the files of one are damaged.
@@ -82,7 +82,7 @@ def find_program(name: str | Path, *also: str) -> Path:
 
 @contextmanager
 def program_directory(name: str | Path, mlruns: Path | None = None) -> Iterator[Path]:
-    """Find a program: a directory, an MLflow run, whose program is copied for the time being, or a shipped program.
+    """Find a program: a directory, an MLflow run's program, copied to a temporary directory, or a shipped program.
 
     Args:
         name: a path, an MLflow run id, or the name of a shipped program; they are tried in this order.

@@ -45,9 +45,9 @@ def show(run: RunName, home: HomeDir = Path()) -> None:
             console.print(Text("how this program was found is not known here; the program as it is:\n"))
             console.print(Text(found.program.program_text if found.program is not None else "", style="bold"))
         else:
-            with SynthesisConsole(console) as chapters:
-                for told in found.account.entries:
-                    chapters.on_event(told.event)
+            with SynthesisConsole(console) as output:
+                for entry in found.account.entries:
+                    output.on_event(entry.event)
         table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
         for name, value in figures(found, read_chapters(found.account)).items():
             table.add_row(Text(name), Text(value, overflow="fold"))

@@ -9,12 +9,12 @@ from itertools import product
 from rich.console import Console
 
 from roboscribe.pipelines.paper.cell_runner import run_cells
-from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.cells import TransferCell
 from roboscribe.pipelines.paper.experiment import (
+    CellOutcome,
     ExperimentContext,
     ExperimentResult,
     Options,
-    Outcome,
     children_of,
     chosen_tasks,
     failures_of,
@@ -26,7 +26,7 @@ from roboscribe.pipelines.paper.methods import MOST_QUICK, budget_of, every_meth
 from roboscribe.stages import transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper import curves, table1
-from roboscribe.stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
+from roboscribe.stages.paper.rows import OURS, EvaluationPoint, Record, Row, Trial, rows_of
 from roboscribe.stages.paper.values import REPORTED
 from roboscribe.stages.runtime.files import OUTCOME, read_json
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -86,19 +86,19 @@ def draw_curves(options: Options, context: ExperimentContext, console: Console) 
     )
 
 
-def _elsewhere(outcomes: Sequence[Outcome], context: ExperimentContext, console: Console) -> list[Row]:
+def _elsewhere(outcomes: Sequence[CellOutcome], context: ExperimentContext, console: Console) -> list[Row]:
     """Measure the final programs under the paper's contact model, where a task has one."""
     found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith(PLANAR)]
     trials = [replace(each.trial, task=replace(each.trial.task, contact="paper")) for each in found]
     cells = [
-        Transfer(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
+        TransferCell(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
         for each, trial in zip(found, trials, strict=True)
     ]
     outs = run_cells("paper curves, paper contact", cells, context.cell_context, context.runner, console)
     rows: list[Row] = []
     for each, trial, out in zip(found, trials, outs, strict=True):
         figures, last = read_json(out / OUTCOME), each.record.points[-1]
-        point = Point(
+        point = EvaluationPoint(
             last.control_steps, int(figures["successes"]), trial.evaluation_episodes, last.seconds, final=True
         )
         rows += rows_of(trial, _only(each.record, point))
@@ -109,7 +109,7 @@ def _config(trial: Trial) -> transfer.Config:
     return transfer.Config(trial.task, trial.seed, trial.evaluation_episodes)
 
 
-def _only(record: Record, point: Point) -> Record:
+def _only(record: Record, point: EvaluationPoint) -> Record:
     """Return a record with another last point and no others."""
     return replace(record, points=(point,))
 

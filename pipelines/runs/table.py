@@ -7,10 +7,10 @@ from datetime import datetime
 from pathlib import Path
 
 from roboscribe.io.atomic import Json, indented_json, write_file
-from roboscribe.pipelines.runs.lookup import SHOWN, Run
+from roboscribe.pipelines.runs.lookup import SHOWN, RunRecord
 
 
-def summary(run: Run) -> dict[str, str]:
+def summary(run: RunRecord) -> dict[str, str]:
     """Sum up a run."""
     about, result = run.account.about, run.account.result
     plan = about["plan"]

@@ -68,7 +68,7 @@ class TrainingResult:
 
 @dataclass(frozen=True)
 class _RunContext:
-    """Where progress goes."""
+    """Where metrics and checkpoints go."""
 
     log: ProgramLog
     checkpoints: Path | None
@@ -152,7 +152,7 @@ def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Ta
 
 @dataclass(frozen=True)
 class _SkillJob:
-    """One controller's turn to learn.
+    """One controller that is to be learned.
 
     Args:
         run: its statement.
@@ -168,7 +168,7 @@ class _SkillJob:
 
 
 def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_SkillJob]:
-    """List whose turn it is among controllers that the library lacks, in textual order.
+    """List the jobs of controllers that the library lacks, in textual order.
 
     A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
     states of later iterations; then each is measured and reinforced on those.

@@ -32,14 +32,14 @@ PROGRAM = {"controllers.safetensors", "manifest.json", "program.txt", "tree.json
 def start(plan: SynthesisPlan, home: Path, fatal: Callable[[str], bool] = lambda path: False) -> BaseProcess:
     """Run a plan in a process of its own, which is killed right before it creates or renames a `fatal` file."""
 
-    def on_progress(event: str, arguments: tuple[object, ...]) -> None:
+    def watch(event: str, arguments: tuple[object, ...]) -> None:
         creates = event == "open" and isinstance(arguments[2], int) and arguments[2] & os.O_CREAT
         path = str(arguments[0])
         if (creates or event == "os.rename") and path.startswith(str(home)) and fatal(path):
             os.kill(os.getpid(), signal.SIGKILL)
 
     def work() -> None:
-        sys.addaudithook(on_progress)
+        sys.addaudithook(watch)
         run(plan, home)
 
     process = FORK.Process(target=work)
