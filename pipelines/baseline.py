@@ -28,7 +28,7 @@ from stages.progress import Progress
 from stages.settings import encode
 from stages.steps import Call
 from stages.store import METRICS, AnyStage, Inputs, Store, locked
-from stages.tracking import Tracker
+from stages.tracking import SECONDS, Tracker
 from stages.world import TaskConfig
 
 STAGES = tuple(f"stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
@@ -194,8 +194,9 @@ class BaselineSession:
                 work = self._work(audience, tracker)
                 result = work.fail or self._result(work, commit)
             except BaseException as error:
-                tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
-                tracker.close(timeout=30.0)
+                killed = isinstance(error, KeyboardInterrupt | SystemExit)
+                tracker.status("KILLED" if killed else "FAILED")
+                tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
             if isinstance(result, Fail):
@@ -203,8 +204,8 @@ class BaselineSession:
                 tracker.close()
                 return result
             tracker.keep(Path(str(result["program_dir"])))
-            figures = {name: float(str(result[name])) for name in TRACKED}
-            tracker.result({**figures, "wall_seconds": seconds}, int(str(result["env_steps"])))
+            figures = {**{name: float(str(result[name])) for name in TRACKED}, SECONDS: seconds}
+            tracker.result(figures, int(str(result["env_steps"])))
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
@@ -261,7 +262,7 @@ class BaselineSession:
         given = self.plan.demonstrations
         digest = None if given is None or not given.is_file() else sha256_of(given)
         plan = encode(replace(self.plan, demonstrations=None))
-        code: list[Json] = [code_version(name) for name in STAGES]
+        code: list[Json] = [*map(code_version, STAGES), self.plan.task.code()]
         text = canonical_json({"baseline": plan, "demonstrations": digest, "code": code})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stages.progress import Report
 
 SOLVED, BAD_INPUT, FAIL = 0, 2, 3
-RESUMED = ("synthesize", "paper")
+RESUMED = ("synthesize", "baseline", "paper")
 """Commands that go on where they were interrupted."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
 
-from stages import code_version
+from stages import code_version, world
 from stages.world import TaskConfig
 
 
@@ -48,7 +48,7 @@ def test_other_modules_do_not_count(project: Path) -> None:
 
 
 TASK = """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from roboscribe.envs.point_world import PointTask
 from helpers import order
 
@@ -120,4 +120,24 @@ def test_what_a_task_holds_counts(tmp_path: Path) -> None:
 def test_tasks_of_the_catalogue_have_versions_of_their_own() -> None:
     point, fetch = (TaskConfig(name).code() for name in ("point-push-1", "pick-place-1"))
     assert point != fetch
-    assert TaskConfig("point-tower-3").code() == point, "the name is part of the settings, not of the code"
+    task = TaskConfig("point-push-1").make()
+    assert code_version.task_version(task) == code_version.task_version(task)
+    before = code_version.task_version(replace(task))
+    assert task.layout
+    assert code_version.task_version(task) == before, "what a task has computed for itself does not count"
+    assert code_version.task_version(replace(task, horizon=7)) != before, "what it was made with does"
+
+
+def test_a_task_in_a_file_counts_with_the_file(tmp_path: Path) -> None:
+    """Also where the file only gives a class of ours other numbers."""
+    path = tmp_path / "task.py"
+    versions = []
+    for kinds in ("1", "2"):
+        path.write_text(
+            "from roboscribe.envs.point_world import PointTask\n"
+            f'PUSH = PointTask("push", ("block",) * {kinds}, plane="xy", fingers=False)\n'
+        )
+        world._code.cache_clear()
+        code_version._imports.cache_clear()
+        versions.append(TaskConfig(f"{path}:PUSH").code())
+    assert versions[0] != versions[1]

@@ -34,8 +34,7 @@ ROWS = {
 }
 HEAD = """# What must not break
 
-Printed by `make torture` in {minutes:.0f} minutes; the default tests try fewer cases of each row. Every case is a test
-in `tests/` that is marked with its row.
+Printed by `make torture` in {minutes:.0f} minutes; the default tests try fewer cases of each row.
 
 | # | fault or input | what must happen | tests that passed | cases |
 |---|---|---|---|---|
