@@ -55,6 +55,8 @@ class Engine(StrEnum):
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
 TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
 STYLE_HELP = "default, brisk, slow, topdown, pauses, detours, clumsy, stop (at success), linger (after it) or mixed"
+DISTURB_HELP = "noise=M (of positions, m), delay=STEPS, push=M/S, slip=PER_SECOND, knock=BLOCKS, friction=TIMES, "
+DISTURB_HELP += "mass=TIMES or size=TIMES; repeatable"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
@@ -180,12 +182,13 @@ def evaluate(
     task: TaskOption = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = 500,
     seed: Seed = 0,
+    disturb: Annotated[list[str] | None, typer.Option(help=DISTURB_HELP, metavar="KIND=STRENGTH")] = None,
     json: JsonFile = None,
     contact: Contact = "stable",
     timing: Timing = "fast",
     home: HomeDir = Path(),
 ) -> None:
-    """Measure a program's success with its 95 % Wilson interval."""
+    """Measure a program's success with its 95 % Wilson interval, undisturbed or under disturbances."""
     from pipelines.home import Home
     from pipelines.programs import evaluation, open_program, program_directory
     from roboscribe.evaluation import spell_success
@@ -193,7 +196,7 @@ def evaluate(
 
     with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
         opened, where = open_program(directory, task, contact, timing)
-        result = evaluation(opened, Config(where, seed, episodes), report)
+        result = evaluation(opened, Config(where, seed, episodes), report, disturb or ())
     _say(f"{where.name}: success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     failing = result["failing"]

@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import re
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
+from roboscribe.envs.disturbed import disturbed
 from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
@@ -91,14 +92,28 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
     return open_saved(saved, where.make(), str(directory)), where
 
 
-def evaluation(program: Runnable, config: evaluate.Config, report: Report = silent) -> dict[str, Json]:
-    """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
+def evaluation(
+    program: Runnable, config: evaluate.Config, report: Report = silent, disturb: Sequence[str] = ()
+) -> dict[str, Json]:
+    """Evaluate a program; returns what `roboscribe evaluate --json` writes.
+
+    Args:
+        program: what is evaluated.
+        config: where, on which episodes.
+        report: told how far it is.
+        disturb: disturbances such as "noise=0.005".
+
+    Raises:
+        TaskError: a disturbance that there is not, or that the task cannot have.
+    """
     start = perf_counter()
     watch = episode_watch(f"roll out {ROOT}", config.episodes, report)
-    found = measure(program, config.task.make(), config.seed, config.episodes, watch)
+    found = measure(program, disturbed(config.task.make(), disturb), config.seed, config.episodes, watch)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)
     failing: Json = [episode for episode, *_ in failures(found.table)]
     steps = figures["control_steps"]
-    return {"task": config.task.name, **shown, "failing": failing, "env_steps": steps, "wall_seconds": seconds}
+    disturbances: dict[str, Json] = {"disturb": list(disturb)} if disturb else {}
+    named = {"task": config.task.name, **disturbances}
+    return {**named, **shown, "failing": failing, "env_steps": steps, "wall_seconds": seconds}
