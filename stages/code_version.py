@@ -117,10 +117,7 @@ def _held(part: object) -> list[object]:
 
 def _files(kind: type | FunctionType) -> set[Path]:
     """Find the files in which a class or a function is written; none for what comes with Python."""
-    members = (
-        [kind] if isinstance(kind, FunctionType) else [getattr(part, "fget", part) for part in vars(kind).values()]
-    )
-    members = [getattr(part, "func", getattr(part, "__func__", part)) for part in members]
+    members = [kind] if isinstance(kind, FunctionType) else [_function(part) for part in vars(kind).values()]
     codes = [code for part in members if isinstance(code := getattr(part, "__code__", None), CodeType)]
     paths = {Path(code.co_filename) for code in codes if Path(code.co_filename).is_file()}
     standard, installed = (Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib"))

@@ -14,11 +14,11 @@ from roboscribe.io.atomic import (
     write_files,
 )
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
-from roboscribe.io.schema import metadata_for
 from roboscribe.io.validation import Screened, check_trajectory, consistent, screen
 
 if TYPE_CHECKING:
     from roboscribe.io.demonstrations import Demonstrations, read_demonstrations, write_demonstrations
+    from roboscribe.io.schema import metadata_for
 
 __all__ = [
     "Demonstrations",
@@ -42,13 +42,18 @@ __all__ = [
     "write_files",
 ]
 
-LATE = ("Demonstrations", "read_demonstrations", "write_demonstrations")
+LATE = {
+    "Demonstrations": "demonstrations",
+    "metadata_for": "schema",
+    "read_demonstrations": "demonstrations",
+    "write_demonstrations": "demonstrations",
+}
 """What needs pyarrow, which takes long to import: who only loads a program does without."""
 
 
 def __getattr__(name: str) -> object:
     """Import what is used for the first time."""
     if name in LATE:
-        return getattr(import_module("roboscribe.io.demonstrations"), name)
+        return getattr(import_module(f"roboscribe.io.{LATE[name]}"), name)
     msg = f"module {__name__} has no attribute {name!r}"
     raise AttributeError(msg)

@@ -59,7 +59,7 @@ def test_what_a_method_saves_runs_on_other_towers(method: Method, demonstrations
     assert (manifest["kind"], manifest["method"], manifest["profile"]) == ("baseline", method, RECIPES[method].profile)
     assert (manifest["gradient_steps"], manifest["control_steps"]) == ((0, 40) if RECIPES[method].rollouts else (40, 0))
     program, where = open_program(out / DIRECTORY, "point-tower-5", "stable", "fast")
-    figures, _ = evaluate.measure(program, where.make(), 0, 2)
+    figures = evaluate.measure(program, where.make(), 0, 2).figures
     assert figures["episodes"] == 2
     assert {path.suffix for path in out.rglob("*") if path.is_file()} <= {".json", ".jsonl", ".txt", ".safetensors"}
 

@@ -198,7 +198,9 @@ def test_names_in_reports_are_no_markup(home: Path, tmp_path: Path) -> None:
     crafted = tmp_path / "x"
     shutil.copytree(home / "data" / "runs" / key(home, 0), crafted)
     path = crafted / CHRONICLE
-    path.write_text(path.read_text().replace("point-pick-place-1", EVIL).replace("scripted", EVIL))
+    records = [json.loads(line) for line in path.read_text().splitlines()]
+    kept = [json.dumps({name: value for name, value in record.items() if name != "sum"}) for record in records]
+    path.write_text("\n".join([*kept, ""]).replace("point-pick-place-1", EVIL).replace("scripted", EVIL))
     with open_run(str(crafted), Home(home)) as found:
         assert found.program is not None
         named = Found(EVIL, found.directory, found.program, found.account, EVIL)

@@ -12,9 +12,9 @@ from roboscribe.dsl.rewrite import controllers
 from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.fetch_world import FetchWorld
 from roboscribe.envs.point_world import PointTask, PointWorld, lookahead_skills
+from roboscribe.evaluation import measure
+from roboscribe.runnable import Runnable
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from stages.evaluate import measure
-from stages.grounded import Grounded
 from tests.conftest import Figure, effort
 
 EVERY = 5
@@ -62,15 +62,15 @@ class Breaking(PointTask):
 def test_row_21_diverged_episodes_fail_and_are_counted(figure: Figure, monkeypatch: pytest.MonkeyPatch) -> None:
     task, episodes = Breaking("point-pick-place-1", ("block",)), effort(60, 1000)
     seeds = np.arange(episodes)
-    monkeypatch.setattr("stages.evaluate.episode_seeds", lambda *_: seeds)
+    monkeypatch.setattr("roboscribe.evaluation.episode_seeds", lambda *_: seeds)
     program = parse_program(PROGRAM)
     library = lookahead_skills(task, program, lambda name: {})
     assert {run.controller for run in controllers(program)} == set(library)
-    figures, table = measure(Grounded(program, library, {}), task, 0, episodes)
-    broken = [row[3] == 1 for row in table["data"]]  # type: ignore[index,union-attr]
+    found = measure(Runnable(program, library, {}), task, 0, episodes)
+    broken = [row[3] == 1 for row in found.table["data"]]  # type: ignore[index,union-attr]
     assert broken == (seeds % EVERY == 0).tolist()
-    assert figures["diverged"] == sum(broken)
-    assert figures["successes"] == episodes - sum(broken), "the others are not disturbed"
+    assert found.figures["diverged"] == sum(broken)
+    assert found.figures["successes"] == episodes - sum(broken), "the others are not disturbed"
     figure("diverged episodes counted", sum(broken), len(seeds[seeds % EVERY == 0]))
 
 

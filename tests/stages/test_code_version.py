@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from roboscribe.envs.point_world import POINT_TASKS
 from stages import code_version, world
 from stages.world import TaskConfig
 
@@ -141,3 +142,11 @@ def test_a_task_in_a_file_counts_with_the_file(tmp_path: Path) -> None:
         code_version._imports.cache_clear()
         versions.append(TaskConfig(f"{path}:PUSH").code())
     assert versions[0] != versions[1]
+
+
+def test_what_was_asked_of_a_task_before_changes_no_key() -> None:
+    """Tasks of the plane are kept for the whole process, with what their cached properties have stored."""
+    task = replace(POINT_TASKS["point-tower-3"])
+    before = code_version.task_version(task)
+    assert task.layout.names == ("b1", "b2", "b3")
+    assert code_version.task_version(task) == before

@@ -9,7 +9,7 @@ from roboscribe.envs.drawer.model import picture_model
 from roboscribe.envs.scene_painter import Marker, ScenePainter, Viewpoint
 from roboscribe.world.layout import FloatArray
 
-VIEWPOINT = Viewpoint((0.05, 0.0, 0.88), 1.25, 205.0, -32.0)
+VIEWPOINT = Viewpoint((0.02, 0.0, 0.9), 1.15, -60.0, -38.0)
 GOAL_RADIUS, GOAL_OPACITY = 0.022, 0.4
 HIDDEN = 4
 """A group of geoms that is not drawn."""

@@ -41,6 +41,14 @@ def checked(rows: IntArray, actions: FloatArray) -> FloatArray:
     return np.clip(actions, -1.0, 1.0)
 
 
+def _picked(states: FloatArray, columns: IntArray) -> FloatArray:
+    """Take columns out of states (R, ...), row after row in memory.
+
+    NumPy's own indexing orders memory by column, and products of matrices then differ in the last bit with R.
+    """
+    return np.take(states, columns, axis=1)
+
+
 class DrawerWorld(World):
     """B rows of the scene with goals.
 
@@ -89,7 +97,7 @@ class DrawerWorld(World):
         actions = checked(rows, actions)
         self.control_steps += int((~self.engine.failed[rows]).sum())
         states = self.engine.states[rows]
-        pose = self._chain.pose(states[:, self._places.arm])
+        pose = self._chain.pose(_picked(states, self._places.arm))
         turn = rotate(servo(pose.rotation) * MOST_TURN)
         goal = (pose.hand + geometry.REACH * actions[:, :3], turn @ pose.rotation)
         control = np.empty((len(rows), len(self._places.controls)))
@@ -109,15 +117,15 @@ class DrawerWorld(World):
 
     def _drive(self, states: FloatArray, goal: tuple[FloatArray, FloatArray]) -> FloatArray:
         """Return the motors' torques (R, 7) in integration states (R, ...) towards a pose of the hand."""
-        angles, speeds = states[:, self._places.arm], states[:, self._places.arm_speed]
+        angles, speeds = _picked(states, self._places.arm), _picked(states, self._places.arm_speed)
         limit = self._places.torque_limit
         return np.clip(torques(self._chain, angles, speeds, goal, self._rest), -limit, limit)
 
     def observe(self, rows: IntArray) -> FloatArray:
         """Return the present states (R, F) of `rows`."""
         states, places = self.engine.states[rows], self._places
-        pose = self._chain.pose(states[:, places.arm])
-        speed = (pose.jacobian[:, :3] @ states[:, places.arm_speed, None])[..., 0]
+        pose = self._chain.pose(_picked(states, places.arm))
+        speed = (pose.jacobian @ _picked(states, places.arm_speed)[..., None])[:, :3, 0]
         opening = geometry.PADS + states[:, places.left] - states[:, places.right]
         extension = states[:, places.extension]
         cubes = np.concatenate([states[:, places.cubes[:, :3]], self._goals[rows]], axis=2)
