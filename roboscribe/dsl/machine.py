@@ -9,6 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from roboscribe.dsl.compile import NOWHERE, Act, Bind, Branch, End, Jump, compile_program
+from roboscribe.dsl.recent import Recent
 from roboscribe.dsl.rewrite import assigned
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Program
@@ -32,14 +33,16 @@ class Machine:
         layout: meaning of the states.
         batch: B, count of rows.
         limits: step limit by controller; a controller without one has all the time it wants.
-        confirm: consecutive observed states in which `until` must hold to count as reached.
+        confirm: consecutive observed states in which `until` must hold to count as reached, and of which `get` and
+            conditions see the mean.
         rng: draws among the answers of get; None takes the lowest entity index.
         prefers: how much entities are preferred where get has several answers; None leaves it to `rng`.
         solved: answers ψ_R, where the program mentions it.
 
     Source: Fig. 14.
-    Departs: `until` is confirmed over several states, and controllers time out, since single observations are noisy
-        and a learned controller may never arrive.
+    Departs: `until` is confirmed over several states, conditions look at the mean of as many, and controllers time
+        out, since single observations are noisy and a learned controller may never arrive. A loop over entities goes
+        back to its guard as soon as one that it finished is undone and its present one is no answer any more.
     """
 
     def __init__(
@@ -67,6 +70,14 @@ class Machine:
         self._resting = np.zeros(batch, dtype=np.bool_)
         self._steps = np.zeros(batch, dtype=np.int64)
         self._streak = np.zeros(batch, dtype=np.int64)
+        self._recent = Recent(batch, confirm, layout.size)
+        entities = len(layout.entities)
+        self._done = {
+            place: np.zeros((entities, batch), dtype=np.bool_)
+            for place, step in enumerate(self._code)
+            if isinstance(step, Bind) and step.null != NOWHERE
+        }
+        self._undone = np.zeros(batch, dtype=np.int64)
         self._entities = np.full((batch, max((len(a.variables) for a in acts), default=0)), NULL, dtype=np.int64)
         self.run_index: IntArray = np.full(batch, -1, dtype=np.int64)
         """Which of `controllers(program)` acts now; after the end the last one reached, -1 if none ever was. (B,)"""
@@ -85,8 +96,11 @@ class Machine:
         """Start the program over in some rows."""
         for values in self._binding.values():
             values[rows] = NULL
-        for counts in (self._place, self._steps, self._streak, self.visit):
+        for counts in (self._place, self._steps, self._streak, self._undone, self.visit):
             counts[rows] = 0
+        for done in self._done.values():
+            done[:, rows] = False
+        self._recent.forget(rows)
         self._entities[rows] = self.served[rows] = NULL
         self.run_index[rows] = -1
         self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
@@ -113,6 +127,7 @@ class Machine:
         if not live.all():
             rows, states = rows[live], states[live]
         self._steps[rows] += 1
+        self._recent.see(rows, states)
         for _ in range(self._most_moves):
             if not len(rows):
                 return
@@ -142,13 +157,14 @@ class Machine:
             case Act():
                 return self._act(instruction, rows, states)
             case Bind():
-                null = self._bind(instruction, rows, states)
+                null = self._bind(instruction, rows)
                 self._place[rows] = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
             case Branch(predicate, needs, otherwise):
-                true = self._holds(predicate, needs, rows, states)
+                true = self._holds(predicate, needs, rows, self._recent.mean(rows))
                 self._place[rows] = np.where(true, place + 1, otherwise)
             case Jump(target):
                 self._place[rows] = target
+                self._note_done(target, rows)
             case End():
                 self.ended[rows] = True
                 return np.zeros(len(rows), dtype=np.bool_)
@@ -170,12 +186,35 @@ class Machine:
             late = ~leaving & (self._steps[rows] >= limit)
             self._place[rows[late]] = act.head
             leaving |= late
+        if act.head in self._done:
+            back = ~leaving & self._goes_back(act.head, rows)
+            self._place[rows[back]] = act.head
+            leaving |= back
         self._resting[rows[leaving]] = False
         return leaving
 
+    def _note_done(self, head: int, rows: IntArray) -> None:
+        """Note which entities a loop's body has come to the end with."""
+        loop = self._code[head]
+        if isinstance(loop, Bind) and head in self._done:
+            self._done[head][self._binding[loop.var][rows], rows] = True
+
+    def _goes_back(self, head: int, rows: IntArray) -> BoolArray:
+        """Tell where (R,) a loop's guard has for some time answered an entity that was done, and not the present one."""
+        loop, done = self._code[head], self._done[head][:, rows]
+        assert isinstance(loop, Bind)
+        lost, some = np.zeros(len(rows), dtype=np.bool_), done.any(axis=0)
+        if some.any():
+            candidates, fits = self._fits(loop, rows[some])
+            present = (candidates[:, None] == self._binding[loop.var][rows[some]]) & fits
+            lost[some] = (fits & done[candidates][:, some]).any(axis=0) & ~present.any(axis=0)
+        self._undone[rows] = np.where(lost, self._undone[rows] + 1, 0)
+        back: BoolArray = self._undone[rows] >= self._confirm
+        return back
+
     def _arrive(self, act: Act, rows: IntArray) -> None:
         self._resting[rows] = True
-        self._steps[rows] = self._streak[rows] = 0
+        self._steps[rows] = self._streak[rows] = self._undone[rows] = 0
         self.run_index[rows] = act.index
         self.visit[rows] += 1
         loop = self._code[act.head] if act.head != NOWHERE else None
@@ -184,14 +223,9 @@ class Machine:
         for column, name in enumerate(act.variables):
             self._entities[rows, column] = self._lookup(name, rows)
 
-    def _bind(self, bind: Bind, rows: IntArray, states: FloatArray) -> BoolArray:
+    def _bind(self, bind: Bind, rows: IntArray) -> BoolArray:
         """Bind a variable in every row; return where it became null (R,)."""
-        candidates = np.array(self._layout.of_type(bind.type), dtype=np.int64)
-        binding: dict[str, IntArray | int] = {name: self._lookup(name, rows) for name in bind.needs}
-        fits = np.zeros((len(candidates), len(rows)), dtype=np.bool_)
-        for rank, entity in enumerate(candidates):
-            binding[bind.var] = int(entity)
-            fits[rank] = holds(bind.where, states, binding, self._layout, self._solved)
+        candidates, fits = self._fits(bind, rows)
         chosen = np.full(len(rows), NULL, dtype=np.int64)
         found = fits.any(axis=0)
         if found.any():
@@ -202,6 +236,17 @@ class Machine:
                 self.bound[row].append(int(entity))
         null: BoolArray = chosen == NULL
         return null
+
+    def _fits(self, bind: Bind, rows: IntArray) -> tuple[IntArray, BoolArray]:
+        """List the entities (N,) of the type that is asked for, and which of them (N, R) are answers in each row."""
+        candidates = np.array(self._layout.of_type(bind.type), dtype=np.int64)
+        states = self._recent.mean(rows)
+        binding: dict[str, IntArray | int] = {name: self._lookup(name, rows) for name in bind.needs}
+        fits = np.zeros((len(candidates), len(rows)), dtype=np.bool_)
+        for rank, entity in enumerate(candidates):
+            binding[bind.var] = int(entity)
+            fits[rank] = holds(bind.where, states, binding, self._layout, self._solved)
+        return candidates, fits
 
     def _preference(self, var: str, fits: BoolArray, rows: IntArray) -> FloatArray:
         """Say which of the entities (N, R) that fit is taken: the one with the greatest number."""

@@ -25,7 +25,7 @@ KINDS = {
     "delay": "control steps between command and motion",
     "push": "speed given to some object once a second, m/s",
     "slip": "times a second that a grasp opens",
-    "knock": "blocks that are put back on the table once half of them are placed",
+    "knock": "blocks that are put back on the table at some moment after half of them are placed",
     "friction": "friction of everything, times its own",
     "mass": "mass of objects, times its own",
     "size": "size of objects, times its own",
@@ -37,6 +37,8 @@ OPEN_STEPS = 5
 """Control steps for which a grasp that slips is open."""
 GRASPED, ROOM, REACH = 0.03, 0.09, 0.14
 """Distance of a block in the hand, room around a block that is put back, and how far from the middle it may lie, m."""
+LONGEST_WAIT = 25
+"""Control steps, at most, from half of the blocks being placed to the first of them being knocked off."""
 DRAWS = 500
 """Places that are drawn for a block that is put back."""
 
@@ -86,12 +88,22 @@ class Disturbed(Task):
         Raises:
             TaskError: a disturbance of objects or physics of a world that is not the Fetch scene.
         """
-        others = [each.kind for each in self.disturbances if each.kind not in ("noise", "delay")]
-        if others and not isinstance(self.inner, FetchTask):
-            msg = f"task {self.inner.name}: cannot be disturbed by {', '.join(others)}, expected noise or delay"
+        can = ["noise", "delay"]
+        if isinstance(self.inner, FetchTask):
+            can = [kind for kind in KINDS if kind != "knock" or len(self.inner.scene.shapes) > 1]
+        others = [each.kind for each in self.disturbances if each.kind not in can]
+        if others:
+            msg = f"task {self.inner.name}: cannot be disturbed by {', '.join(others)}, expected {', '.join(can)}"
             raise TaskError(msg)
-        for name in ("name", "action_size", "horizon", "frequency"):
+        for name in ("name", "action_size", "frequency", "most_rows"):
             object.__setattr__(self, name, getattr(self.inner, name))
+        object.__setattr__(self, "horizon", self.inner.horizon + self._more_time())
+
+    def _more_time(self) -> int:
+        """Return the control steps that blocks have which must be placed again: as many as others."""
+        if not isinstance(self.inner, FetchTask):
+            return 0
+        return round(self.strength("knock") * self.inner.horizon / len(self.inner.scene.shapes))
 
     @property
     def layout(self) -> Layout:
@@ -160,6 +172,7 @@ class DisturbedWorld(World):
         self._waiting = np.zeros((batch, self._late + 1, task.action_size))
         self._open = np.zeros(batch, dtype=np.int64)
         self._knocks = np.zeros(batch, dtype=np.int64)
+        self._wait = np.zeros(batch, dtype=np.int64)
 
     @property
     def control_steps(self) -> int:
@@ -181,6 +194,7 @@ class DisturbedWorld(World):
     def _begin(self, rows: IntArray) -> None:
         self._waiting[rows], self._open[rows] = 0.0, 0
         self._knocks[rows] = round(self.task.strength("knock"))
+        self._wait[rows] = [int(self._rngs[row].integers(LONGEST_WAIT)) for row in rows]
 
     def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
         """Move `rows` by what was commanded some steps ago, and disturb them."""
@@ -203,23 +217,36 @@ class DisturbedWorld(World):
 
     def _meddle(self, world: FetchWorld, row: int, action: FloatArray) -> None:
         """Let a grasp slip, give a push, put a block back; changes `action` and the world's row."""
-        rng, seen = self._rngs[row], fetch.view(self._true[row])
+        seen = fetch.view(self._true[row])
         near = np.linalg.norm(seen.blocks - seen.hand, axis=-1)
-        if self.task.strength("slip") and action[3] < 0 and near.min() < GRASPED:
-            slips = rng.random() < self.task.strength("slip") / self.task.frequency
-            self._open[row] = OPEN_STEPS if slips else self._open[row]
+        self._slip(row, action, held=near.min() < GRASPED)
+        self._push(world, row, len(seen.blocks))
+        if self._knocks[row]:
+            self._knock(world, row, seen, near)
+
+    def _slip(self, row: int, action: FloatArray, *, held: bool) -> None:
+        chance = self.task.strength("slip") / self.task.frequency
+        if chance and held and action[3] < 0 and self._rngs[row].random() < chance:
+            self._open[row] = OPEN_STEPS
         if self._open[row]:
             self._open[row] -= 1
             action[3] = 1.0
-        speed = self.task.strength("push")
+
+    def _push(self, world: FetchWorld, row: int, blocks: int) -> None:
+        rng, speed = self._rngs[row], self.task.strength("push")
         if speed and rng.random() < 1 / self.task.frequency:
             turn = rng.uniform(0, 2 * np.pi)
-            world.push(row, int(rng.integers(len(seen.blocks))), speed * np.array([np.cos(turn), np.sin(turn)]))
+            world.push(row, int(rng.integers(blocks)), speed * np.array([np.cos(turn), np.sin(turn)]))
+
+    def _knock(self, world: FetchWorld, row: int, seen: fetch.View, near: FloatArray) -> None:
         placed = np.linalg.norm(seen.blocks - seen.goals, axis=-1) < TOLERANCE
-        if self._knocks[row] and 2 * placed.sum() >= len(placed) > placed.sum() and not (near[placed] < ROOM).any():
+        if not 2 * placed.sum() >= len(placed) > placed.sum():
+            return
+        self._wait[row] -= 1
+        if self._wait[row] < 0 and not (near[placed] < ROOM).any():
             self._knocks[row] -= 1
             top = int(np.flatnonzero(placed)[seen.blocks[placed, 2].argmax()])
-            world.put_back(row, top, free_place(rng, seen, world.middle))
+            world.put_back(row, top, free_place(self._rngs[row], seen, world.middle))
 
     def observe(self, rows: IntArray) -> FloatArray:
         """Return what was last seen."""
