@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from roboscribe.dsl.compile import NOWHERE, Act, Bind, Branch, End, Jump, compile_program
-from roboscribe.dsl.recent import Recent
+from roboscribe.dsl.finished import finishing
 from roboscribe.dsl.rewrite import assigned
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Program
@@ -33,16 +33,16 @@ class Machine:
         layout: meaning of the states.
         batch: B, count of rows.
         limits: step limit by controller; a controller without one has all the time it wants.
-        confirm: consecutive observed states in which `until` must hold to count as reached, and of which `get` and
-            conditions see the mean.
+        confirm: consecutive observed states in which `until` must hold to count as reached.
         rng: draws among the answers of get; None takes the lowest entity index.
         prefers: how much entities are preferred where get has several answers; None leaves it to `rng`.
         solved: answers ψ_R, where the program mentions it.
 
     Source: Fig. 14.
-    Departs: `until` is confirmed over several states, conditions look at the mean of as many, and controllers time
-        out, since single observations are noisy and a learned controller may never arrive. A loop over entities goes
-        back to its guard as soon as one that it finished is undone and its present one is no answer any more.
+    Departs: `until` is confirmed over several states, and controllers time out, since single observations are noisy
+        and a learned controller may never arrive. What a loop over entities has finished counts as finished until it
+        clearly is not, see `Finished`; when it then is what the loop would serve, and the present entity is not, the
+        loop goes back to its guard at once.
     """
 
     def __init__(
@@ -70,14 +70,8 @@ class Machine:
         self._resting = np.zeros(batch, dtype=np.bool_)
         self._steps = np.zeros(batch, dtype=np.int64)
         self._streak = np.zeros(batch, dtype=np.int64)
-        self._recent = Recent(batch, confirm, layout.size)
-        entities = len(layout.entities)
-        self._done = {
-            place: np.zeros((entities, batch), dtype=np.bool_)
-            for place, step in enumerate(self._code)
-            if isinstance(step, Bind) and step.null != NOWHERE
-        }
         self._undone = np.zeros(batch, dtype=np.int64)
+        self._finished = finishing(self._code, layout, batch, solved)
         self._entities = np.full((batch, max((len(a.variables) for a in acts), default=0)), NULL, dtype=np.int64)
         self.run_index: IntArray = np.full(batch, -1, dtype=np.int64)
         """Which of `controllers(program)` acts now; after the end the last one reached, -1 if none ever was. (B,)"""
@@ -98,9 +92,8 @@ class Machine:
             values[rows] = NULL
         for counts in (self._place, self._steps, self._streak, self._undone, self.visit):
             counts[rows] = 0
-        for done in self._done.values():
-            done[:, rows] = False
-        self._recent.forget(rows)
+        for finished in self._finished.values():
+            finished.forget(rows)
         self._entities[rows] = self.served[rows] = NULL
         self.run_index[rows] = -1
         self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
@@ -127,7 +120,6 @@ class Machine:
         if not live.all():
             rows, states = rows[live], states[live]
         self._steps[rows] += 1
-        self._recent.see(rows, states)
         for _ in range(self._most_moves):
             if not len(rows):
                 return
@@ -157,14 +149,15 @@ class Machine:
             case Act():
                 return self._act(instruction, rows, states)
             case Bind():
-                null = self._bind(instruction, rows)
+                null = self._bind(instruction, place, rows, states)
                 self._place[rows] = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
             case Branch(predicate, needs, otherwise):
-                true = self._holds(predicate, needs, rows, self._recent.mean(rows))
+                true = self._holds(predicate, needs, rows, states)
                 self._place[rows] = np.where(true, place + 1, otherwise)
             case Jump(target):
                 self._place[rows] = target
-                self._note_done(target, rows)
+                if target in self._finished:
+                    self._finished[target].note(rows, self._served_at(target)[rows], states)
             case End():
                 self.ended[rows] = True
                 return np.zeros(len(rows), dtype=np.bool_)
@@ -186,28 +179,29 @@ class Machine:
             late = ~leaving & (self._steps[rows] >= limit)
             self._place[rows[late]] = act.head
             leaving |= late
-        if act.head in self._done:
-            back = ~leaving & self._goes_back(act.head, rows)
+        if act.head in self._finished:
+            back = ~leaving & self._goes_back(act.head, rows, states)
             self._place[rows[back]] = act.head
             leaving |= back
         self._resting[rows[leaving]] = False
         return leaving
 
-    def _note_done(self, head: int, rows: IntArray) -> None:
-        """Note which entities a loop's body has come to the end with."""
+    def _served_at(self, head: int) -> IntArray:
+        """Return which entity (B,) a loop serves."""
         loop = self._code[head]
-        if isinstance(loop, Bind) and head in self._done:
-            self._done[head][self._binding[loop.var][rows], rows] = True
-
-    def _goes_back(self, head: int, rows: IntArray) -> BoolArray:
-        """Tell where (R,) a loop's guard has for some time answered an entity that was done, and not the present one."""
-        loop, done = self._code[head], self._done[head][:, rows]
         assert isinstance(loop, Bind)
-        lost, some = np.zeros(len(rows), dtype=np.bool_), done.any(axis=0)
-        if some.any():
-            candidates, fits = self._fits(loop, rows[some])
-            present = (candidates[:, None] == self._binding[loop.var][rows[some]]) & fits
-            lost[some] = (fits & done[candidates][:, some]).any(axis=0) & ~present.any(axis=0)
+        return self._binding[loop.var]
+
+    def _goes_back(self, head: int, rows: IntArray, states: FloatArray) -> BoolArray:
+        """Tell where (R,) a loop has for some time been asking for what it had finished, not for what it serves."""
+        loop, undone = self._code[head], self._finished[head].undone(rows, states)
+        assert isinstance(loop, Bind)
+        lost = undone.any(axis=0)
+        if lost.any():
+            present = self._served_at(head)[rows[lost]]
+            candidates, fits = self._fits(loop, rows[lost], self._finished[head].believed(rows[lost], states[lost]))
+            served = (fits & (candidates[:, None] == present)).any(axis=0)
+            lost[lost] = (fits & undone[candidates][:, lost]).any(axis=0) & ~served
         self._undone[rows] = np.where(lost, self._undone[rows] + 1, 0)
         back: BoolArray = self._undone[rows] >= self._confirm
         return back
@@ -223,24 +217,35 @@ class Machine:
         for column, name in enumerate(act.variables):
             self._entities[rows, column] = self._lookup(name, rows)
 
-    def _bind(self, bind: Bind, rows: IntArray) -> BoolArray:
+    def _bind(self, bind: Bind, place: int, rows: IntArray, states: FloatArray) -> BoolArray:
         """Bind a variable in every row; return where it became null (R,)."""
-        candidates, fits = self._fits(bind, rows)
+        candidates, fits = self._answers(bind, place, rows, states)
         chosen = np.full(len(rows), NULL, dtype=np.int64)
         found = fits.any(axis=0)
         if found.any():
             chosen[found] = candidates[self._preference(bind.var, fits, rows).argmax(axis=0)[found]]
         self._binding[bind.var][rows] = chosen
+        if place in self._finished:
+            self._finished[place].take_up(rows[found], chosen[found])
         for row, entity in zip(rows[found], chosen[found], strict=True):
             if entity not in self.bound[row]:
                 self.bound[row].append(int(entity))
         null: BoolArray = chosen == NULL
         return null
 
-    def _fits(self, bind: Bind, rows: IntArray) -> tuple[IntArray, BoolArray]:
+    def _answers(self, bind: Bind, place: int, rows: IntArray, states: FloatArray) -> tuple[IntArray, BoolArray]:
+        """List entities (N,) and which of them (N, R) are answers; a loop looks closely only before it ends."""
+        if place not in self._finished:
+            return self._fits(bind, rows, states)
+        candidates, fits = self._fits(bind, rows, self._finished[place].believed(rows, states))
+        none = ~fits.any(axis=0)
+        if none.any():
+            fits[:, none] = self._fits(bind, rows[none], states[none])[1]
+        return candidates, fits
+
+    def _fits(self, bind: Bind, rows: IntArray, states: FloatArray) -> tuple[IntArray, BoolArray]:
         """List the entities (N,) of the type that is asked for, and which of them (N, R) are answers in each row."""
         candidates = np.array(self._layout.of_type(bind.type), dtype=np.int64)
-        states = self._recent.mean(rows)
         binding: dict[str, IntArray | int] = {name: self._lookup(name, rows) for name in bind.needs}
         fits = np.zeros((len(candidates), len(rows)), dtype=np.bool_)
         for rank, entity in enumerate(candidates):
