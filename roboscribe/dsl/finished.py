@@ -12,7 +12,9 @@ from roboscribe.dsl.syntax import And, Const, Less, Or, Predicate
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 
 SLACK = 2.0
-"""What was finished is undone only when its goal fails even with thresholds so many times as wide."""
+"""What was finished is undone at once when its goal fails even with thresholds so many times as wide, ..."""
+PATIENCE = 10
+"""... and when its goal fails in so many consecutive observations."""
 
 
 class Finished:
@@ -33,7 +35,9 @@ class Finished:
         self, var: str, until: Predicate, layout: Layout, batch: int, solved: SolvedTest | None = None
     ) -> None:
         """Begin with nothing finished."""
-        self._var, self._until, self._layout, self._solved = var, slackened(until), layout, solved
+        self._var, self._until, self._layout, self._solved = var, until, layout, solved
+        self._wide = slackened(until)
+        self._failing = np.zeros((len(layout.entities), batch), dtype=np.int64)
         self._done = np.zeros((len(layout.entities), batch), dtype=np.bool_)
         self._states = np.zeros((batch, layout.size))
         self._columns = [_columns(layout, entity) for entity in range(len(layout.entities))]
@@ -45,31 +49,41 @@ class Finished:
     def note(self, rows: IntArray, entities: IntArray, states: FloatArray) -> None:
         """Note that entities (R,) are finished in rows (R,) that observe states (R, F)."""
         self._done[entities, rows] = True
+        self._failing[entities, rows] = 0
         for entity in np.unique(entities):
             here = np.flatnonzero(entities == entity)
             columns = self._columns[entity]
             self._states[rows[here, None], columns] = states[here[:, None], columns]
+
+    def watch(self, rows: IntArray, states: FloatArray) -> None:
+        """Look at the next states (R, F) of rows (R,)."""
+        for entity in np.flatnonzero(self._done[:, rows].any(axis=1)):
+            fails = ~self._holds(self._until, int(entity), states)
+            self._failing[entity, rows] = np.where(fails, self._failing[entity, rows] + 1, 0)
 
     def take_up(self, rows: IntArray, entities: IntArray) -> None:
         """Note that entities (R,) are served, again perhaps."""
         self._done[entities, rows] = False
 
     def undone(self, rows: IntArray, states: FloatArray) -> BoolArray:
-        """Tell which entities (N, R) were finished and are not any more."""
+        """Tell which entities (N, R) were finished and clearly are not any more."""
         undone: BoolArray = self._done[:, rows].copy()
         for entity in np.flatnonzero(undone.any(axis=1)):
-            undone[entity] &= ~holds(self._until, states, {self._var: int(entity)}, self._layout, self._solved)
+            undone[entity] &= ~self._holds(self._wide, int(entity), states)
         return undone
 
     def believed(self, rows: IntArray, states: FloatArray) -> FloatArray:
         """Return states (R, F) in which what is finished, and not undone, is as it was when it was finished."""
-        kept = self._done[:, rows] & ~self.undone(rows, states)
+        kept = self._done[:, rows] & (self._failing[:, rows] < PATIENCE) & ~self.undone(rows, states)
         believed = states.copy() if kept.any() else states
         for entity in np.flatnonzero(kept.any(axis=1)):
             here = np.flatnonzero(kept[entity])
             columns = self._columns[entity]
             believed[here[:, None], columns] = self._states[rows[here, None], columns]
         return believed
+
+    def _holds(self, until: Predicate, entity: int, states: FloatArray) -> BoolArray:
+        return holds(until, states, {self._var: entity}, self._layout, self._solved)
 
 
 def finishing(

@@ -120,6 +120,8 @@ class Machine:
         if not live.all():
             rows, states = rows[live], states[live]
         self._steps[rows] += 1
+        for finished in self._finished.values():
+            finished.watch(rows, states)
         for _ in range(self._most_moves):
             if not len(rows):
                 return
@@ -149,8 +151,11 @@ class Machine:
             case Act():
                 return self._act(instruction, rows, states)
             case Bind():
-                null = self._bind(instruction, place, rows, states)
-                self._place[rows] = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
+                sure = self._bind(instruction, place, rows, states)
+                null = self._binding[instruction.var][rows] == NULL
+                after = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
+                self._place[rows] = np.where(sure, after, place)
+                return sure
             case Branch(predicate, needs, otherwise):
                 true = self._holds(predicate, needs, rows, states)
                 self._place[rows] = np.where(true, place + 1, otherwise)
@@ -218,8 +223,12 @@ class Machine:
             self._entities[rows, column] = self._lookup(name, rows)
 
     def _bind(self, bind: Bind, place: int, rows: IntArray, states: FloatArray) -> BoolArray:
-        """Bind a variable in every row; return where it became null (R,)."""
-        candidates, fits = self._answers(bind, place, rows, states)
+        """Bind a variable in every row; return where (R,) the answer is sure, elsewhere to be asked for again.
+
+        A loop that believes everything finished, but does not see it so, looks again before it ends.
+        """
+        believed = self._finished[place].believed(rows, states) if place in self._finished else states
+        candidates, fits = self._fits(bind, rows, believed)
         chosen = np.full(len(rows), NULL, dtype=np.int64)
         found = fits.any(axis=0)
         if found.any():
@@ -230,18 +239,10 @@ class Machine:
         for row, entity in zip(rows[found], chosen[found], strict=True):
             if entity not in self.bound[row]:
                 self.bound[row].append(int(entity))
-        null: BoolArray = chosen == NULL
-        return null
-
-    def _answers(self, bind: Bind, place: int, rows: IntArray, states: FloatArray) -> tuple[IntArray, BoolArray]:
-        """List entities (N,) and which of them (N, R) are answers; a loop looks closely only before it ends."""
-        if place not in self._finished:
-            return self._fits(bind, rows, states)
-        candidates, fits = self._fits(bind, rows, self._finished[place].believed(rows, states))
-        none = ~fits.any(axis=0)
-        if none.any():
-            fits[:, none] = self._fits(bind, rows[none], states[none])[1]
-        return candidates, fits
+        sure: BoolArray = np.ones(len(rows), dtype=np.bool_)
+        if believed is not states and not found.all():
+            sure[~found] = ~self._fits(bind, rows[~found], states[~found])[1].any(axis=0)
+        return sure
 
     def _fits(self, bind: Bind, rows: IntArray, states: FloatArray) -> tuple[IntArray, BoolArray]:
         """List the entities (N,) of the type that is asked for, and which of them (N, R) are answers in each row."""
