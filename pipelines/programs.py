@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from time import perf_counter
 
-from roboscribe.envs.disturbed import disturbed
 from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
@@ -106,6 +105,8 @@ def evaluation(
     Raises:
         TaskError: a disturbance that there is not, or that the task cannot have.
     """
+    from roboscribe.envs.disturbed import disturbed
+
     start = perf_counter()
     watch = episode_watch(f"roll out {ROOT}", config.episodes, report)
     found = measure(program, disturbed(config.task.make(), disturb), config.seed, config.episodes, watch)
