@@ -80,6 +80,7 @@ def environment(**more: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT), **more}
 
 
+@pytest.mark.torture
 def test_row_17_nothing_is_asked_of_a_network(tmp_path: Path, figure: Figure) -> None:
     """Every connection and look-up of a whole synthesis, tracking included."""
     script = (
@@ -124,7 +125,8 @@ def test_row_20_any_name_of_a_directory_will_do(tmp_path: Path, name: str) -> No
     assert result["program_dir"] == str(tmp_path / name / "program")
 
 
-@pytest.mark.parametrize("locale", ["POSIX", "C", "tr_TR.UTF-8"][: effort(1, 3)])
+@pytest.mark.torture
+@pytest.mark.parametrize("locale", ["POSIX", "C", "tr_TR.UTF-8"])
 def test_row_20_programs_are_read_and_shown_in_any_locale(tmp_path: Path, locale: str) -> None:
     """Files are UTF-8 whatever the system thinks; what a terminal cannot show is escaped."""
     home = tmp_path / "home"
@@ -141,6 +143,7 @@ def test_row_20_programs_are_read_and_shown_in_any_locale(tmp_path: Path, locale
     assert b"def PointPickPlace1" in ended.stdout
 
 
+@pytest.mark.torture
 def test_row_15_a_clock_that_goes_backwards(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, figure: Figure) -> None:
     """Times decide nothing: the same outputs, every point once, no negative durations."""
     run(scripted(), tmp_path / "whole")
