@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from roboscribe.abstraction_refinement import Outcome
-from roboscribe.evaluation import episode_seeds, episode_table, summary, waves
+from roboscribe.evaluation import Endings, episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
 from roboscribe.runnable import Runnable
 from roboscribe.subtask_tree import ROOT
@@ -55,8 +55,9 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     done = list(waves(program, task, seeds, config.goal, episode_watch(f"roll out {config.goal}", len(seeds), report)))
     failures = np.concatenate([Outcome.of(rollouts).failures for rollouts in done])
     write_file(out / FAILURES, failures_bytes(failures))
-    write_json(out / EPISODES, episode_table(done, seeds))
-    write_json(out / OUTCOME, summary(done))
+    ended = [Endings.of(rollouts) for rollouts in done]
+    write_json(out / EPISODES, episode_table(ended, seeds))
+    write_json(out / OUTCOME, summary(ended))
 
 
 STAGE = Stage("roll_out", Config, run)
