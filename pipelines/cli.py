@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from pipelines import baseline_command, data_commands, looking
+from pipelines import baseline_command, data_commands, disturb_command, looking
 from pipelines.interrupts import INTERRUPTED, Interrupts
 from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
 from pipelines.paper.commands import paper
@@ -285,7 +285,7 @@ def ui(
     interface.serve(Home(home), port)
 
 
-for commands in (baseline_command, looking, data_commands):
+for commands in (baseline_command, disturb_command, looking, data_commands):
     app.registered_commands += commands.app.registered_commands
 
 
