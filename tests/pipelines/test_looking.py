@@ -19,6 +19,7 @@ from roboscribe.errors import ArtifactError
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.world.trajectory import Trajectory
 from stages.chronicle import CHRONICLE
+from stages.journal import Journal, read_records
 from stages.events import Refined
 from stages.mlflow_store import JOURNAL, synchronise
 from tests.html.pages import Page, read
@@ -198,9 +199,11 @@ def test_names_in_reports_are_no_markup(home: Path, tmp_path: Path) -> None:
     crafted = tmp_path / "x"
     shutil.copytree(home / "data" / "runs" / key(home, 0), crafted)
     path = crafted / CHRONICLE
-    records = [json.loads(line) for line in path.read_text().splitlines()]
-    kept = [json.dumps({name: value for name, value in record.items() if name != "sum"}) for record in records]
-    path.write_text("\n".join([*kept, ""]).replace("point-pick-place-1", EVIL).replace("scripted", EVIL))
+    records = [record for _, record in read_records(path)]
+    path.unlink()
+    journal = Journal(path, sorted({name for record in records for name in record}))
+    for record in records:
+        journal.append(json.loads(json.dumps(record).replace("point-pick-place-1", EVIL).replace("scripted", EVIL)))
     with open_run(str(crafted), Home(home)) as found:
         assert found.program is not None
         named = Found(EVIL, found.directory, found.program, found.account, EVIL)
