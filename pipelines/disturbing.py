@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from roboscribe.errors import ArtifactError, TaskError
-from roboscribe.evaluation import Watch, measure, spell_success, unwatched
+from roboscribe.evaluation import Watch, format_success, ignore_counts, measure
 from roboscribe.io.atomic import Json
 from roboscribe.runnable import Runnable
+from roboscribe.stages.paper.style import rate_axis, styled
 from roboscribe.world.task import Task
-from stages.paper.style import rate_axis, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,7 +101,7 @@ def sweep(
     kinds: Sequence[str],
     seed: int,
     episodes: int,
-    watch: Callable[[str], Watch] = lambda name: unwatched,
+    watch: Callable[[str], Watch] = lambda name: ignore_counts,
 ) -> tuple[Measured, ...]:
     """Measure a program under every kind of disturbance at each of its strengths, on the same episodes.
 
@@ -135,7 +135,7 @@ def _measured(kind: str, strength: float, figures: Mapping[str, Json]) -> Measur
 
 def lines(found: Sequence[Measured]) -> list[tuple[str, str, str]]:
     """Spell measurements: kind, strength, success in per cent with its interval."""
-    return [(AXES[each.kind].split(",")[0], _strength(each), spell_success(asdict(each))) for each in found]
+    return [(AXES[each.kind].split(",")[0], _strength(each), format_success(asdict(each))) for each in found]
 
 
 def _strength(each: Measured) -> str:

@@ -3,71 +3,24 @@
 from __future__ import annotations
 
 import logging
-import re
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
-from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import PROGRAM, load_program
-from roboscribe.programs import find_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
+from roboscribe.stages import evaluate
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
-from stages import evaluate
-from stages.progress import Report, episode_watch, silent
-from stages.world import TaskConfig
 
 log = logging.getLogger(__name__)
-_RUN_ID = re.compile(r"[0-9a-f]{32}")
 
 
-@contextmanager
-def program_directory(name: str, mlruns: Path) -> Iterator[Path]:
-    """Find a program: a directory, an MLflow run, whose program is copied for the time being, or a shipped program.
-
-    Args:
-        name: a path, an MLflow run id, or the name of a shipped program; they are tried in this order.
-        mlruns: directory of the tracking store.
-
-    Raises:
-        ArtifactError: it is none of them.
-    """
-    if _RUN_ID.fullmatch(name) and not Path(name).exists():
-        with _tracked(name, mlruns) as found:
-            yield found
-    else:
-        yield find_program(name, "an MLflow run id")
-
-
-@contextmanager
-def _tracked(run_id: str, mlruns: Path) -> Iterator[Path]:
-    """Copy the program of an MLflow run for the time being.
-
-    Raises:
-        ArtifactError: there is no such run, or it has no program.
-    """
-    from mlflow.exceptions import MlflowException
-
-    from stages.mlflow_store import DATABASE, download_program
-
-    if not (mlruns / DATABASE).exists():
-        msg = f"program {run_id}: looks like an MLflow run id, but there is no tracking store {mlruns / DATABASE}"
-        raise ArtifactError(msg)
-    with tempfile.TemporaryDirectory() as scratch:
-        try:
-            found = download_program(run_id, mlruns, Path(scratch))
-        except (MlflowException, OSError) as error:
-            msg = f"program {run_id}: the tracking store {mlruns} has no program of this run ({error})"
-            raise ArtifactError(msg.splitlines()[0]) from error
-        yield found
-
-
-def open_program(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
+def load_with_task(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
     """Load a program and check that it can run on a task.
 
     Args:
@@ -92,7 +45,10 @@ def open_program(directory: Path, task: str | None, contact: str, timing: str) -
 
 
 def evaluation(
-    program: Runnable, config: evaluate.Config, report: Report = silent, disturb: Sequence[str] = ()
+    program: Runnable,
+    config: evaluate.Config,
+    report: ProgressCallback = ignore_progress,
+    disturb: Sequence[str] = (),
 ) -> dict[str, Json]:
     """Evaluate a program; returns what `roboscribe evaluate --json` writes.
 
@@ -108,8 +64,9 @@ def evaluation(
     from roboscribe.envs.disturbed import disturbed
 
     start = perf_counter()
-    watch = episode_watch(f"roll out {ROOT}", config.episodes, report)
-    found = measure(program, disturbed(config.task.make(), disturb), config.seed, config.episodes, watch)
+    on_progress = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
+    task = disturbed(config.task.make(), disturb)
+    found = measure(program, task, config.seed, config.evaluation_episodes, on_progress)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)

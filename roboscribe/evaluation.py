@@ -27,7 +27,7 @@ Watch: TypeAlias = Callable[[int, int], None]
 """Told how many episodes are done, and in how many of them the program succeeded."""
 
 
-def unwatched(done: int, successes: int) -> None:
+def ignore_counts(done: int, successes: int) -> None:
     """Tell nobody."""
 
 
@@ -38,7 +38,7 @@ def episode_seeds(seed: int, purpose: str, episodes: int) -> IntArray:
 
 
 def waves(
-    program: Runnable, task: Task, seeds: IntArray, goal: str = ROOT, watch: Watch = unwatched
+    program: Runnable, task: Task, seeds: IntArray, goal: str = ROOT, watch: Watch = ignore_counts
 ) -> Iterator[Rollouts]:
     """Run a program once from every seed, in waves.
 
@@ -148,14 +148,14 @@ class Evaluation:
 
     def __str__(self) -> str:
         """Spell the success rate with its interval."""
-        return f"{self.task}: success {spell_success(self.figures)} of {self.episodes} episodes, 95 % interval"
+        return f"{self.task}: success {format_success(self.figures)} of {self.episodes} episodes, 95 % interval"
 
     def _repr_html_(self) -> str:
         """Show the figures in a notebook."""
         return f"<p>{escape(str(self))}</p>"
 
 
-def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watch = unwatched) -> Evaluation:
+def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watch = ignore_counts) -> Evaluation:
     """Run a program on the evaluation episodes of a seed."""
     seeds = episode_seeds(seed, PURPOSE, episodes)
     done = [Endings.of(rollouts) for rollouts in waves(program, task, seeds, watch=watch)]
@@ -166,7 +166,7 @@ def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watc
     return Evaluation(task.name, seed, figures, episode_table(done, seeds))
 
 
-def spell_success(figures: Mapping[str, Any]) -> str:
+def format_success(figures: Mapping[str, Any]) -> str:
     """Spell a success rate with its interval, in per cent."""
     success, low, high = (100 * float(figures[name]) for name in ("success", "ci_low", "ci_high"))
     return f"{success:.1f} % ({low:.1f} to {high:.1f})"

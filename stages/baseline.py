@@ -13,19 +13,20 @@ from roboscribe.baselines.course import Course
 from roboscribe.baselines.off_policy import learn_off_policy
 from roboscribe.baselines.policy import Policy, as_program, name_of, to_parts
 from roboscribe.controllers import plain
+from roboscribe.defaults import ROLLOUT_EPISODES
 from roboscribe.evaluation import episode_seeds, waves
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import BASELINE, KIND
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import OUTCOME, program_bytes, write_json
+from roboscribe.stages.runtime.journal import Journal, read_records
+from roboscribe.stages.runtime.progress import Progress, ProgressCallback, ignore_progress
+from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_demonstrations
 from roboscribe.world import Task, Trajectory
-from stages import alone
-from stages.files import OUTCOME, program_bytes, write_json
-from stages.journal import Journal, read_records
-from stages.package import DIRECTORY
-from stages.progress import Progress, Report, silent
-from stages.store import METRICS, PROGRESS, Inputs, Stage
-from stages.world import TaskConfig, load_demonstrations
 
 CHECKPOINT = "checkpoint.safetensors"
 
@@ -39,7 +40,7 @@ class Config:
         method: how it learns.
         seed: decides everything.
         steps: gradient steps of clones, control steps of the others; None is what is usual.
-        episodes: of each evaluation on the way; their control steps do not count.
+        rollout_episodes: of each evaluation on the way; their control steps do not count.
         settings: of the methods.
         demonstrations: SHA-256 of the demonstrations, for the manifest.
         command: command line that makes it, for the manifest.
@@ -49,15 +50,15 @@ class Config:
     method: Method = "bc"
     seed: int = 0
     steps: int | None = None
-    episodes: int = 100
+    rollout_episodes: int = ROLLOUT_EPISODES
     settings: BaselineConfig = field(default_factory=BaselineConfig)
     demonstrations: str = ""
     command: str = ""
 
 
 @dataclass(frozen=True)
-class Trained:
-    """A policy, and what it took.
+class TrainedPolicy:
+    """A policy, and the steps that its training took.
 
     Args:
         policy: the last weights.
@@ -72,7 +73,7 @@ class Trained:
     hopeless: bool = False
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write the directory `program/`, and `outcome.json` with what it took and the success on the way.
 
     An interrupted run goes on from the checkpoint in `progress/`. Figures along the way go to `metrics.jsonl`.
@@ -99,25 +100,27 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     _save(config, trained.policy, taken, out / DIRECTORY)
 
 
-def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path, report: Report) -> Trained:
-    """Do what the method does."""
+def _train(
+    config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path, report: ProgressCallback
+) -> TrainedPolicy:
+    """Train by the method."""
     method, settings = config.method, config.settings
     steps = usual_steps(method, task.layout, settings) if config.steps is None else config.steps
     log = _Log(out / METRICS, method, steps, report)
     course = Course(steps, config.seed, out / PROGRESS / CHECKPOINT, log)
     match method:
         case "bc":
-            return Trained(clone_actions(task, shown, settings.network, settings.cloning, course), steps)
+            return TrainedPolicy(clone_actions(task, shown, settings.network, settings.cloning, course), steps)
         case "chunked-bc":
-            return Trained(clone_chunks(task, shown, settings.chunks, course), steps)
+            return TrainedPolicy(clone_chunks(task, shown, settings.chunks, course), steps)
         case _:
-            judge = _Judge(task, method, config.seed, config.episodes)
+            judge = _PolicyEvaluator(task, method, config.seed, config.rollout_episodes)
             learned = learn_off_policy(task, method, shown, settings, course, judge=judge)
-            return Trained(learned.policy, 0, learned.control_steps, learned.hopeless)
+            return TrainedPolicy(learned.policy, 0, learned.control_steps, learned.hopeless)
 
 
 @dataclass(frozen=True)
-class _Judge:
+class _PolicyEvaluator:
     """Measures a policy on the same episodes each time, which are not those of the final evaluation."""
 
     task: Task
@@ -132,9 +135,9 @@ class _Judge:
 
 
 class _Log:
-    """Writes figures to the stage's journal, and tells them to whoever watches."""
+    """Appends figures to the stage's journal and reports them as progress."""
 
-    def __init__(self, path: Path, method: Method, steps: int, report: Report) -> None:
+    def __init__(self, path: Path, method: Method, steps: int, report: ProgressCallback) -> None:
         self._journal = Journal(path, ("step",))
         self._name, self._steps, self._report = name_of(method), steps, report
 
@@ -173,4 +176,4 @@ def _save(config: Config, policy: Policy, taken: Mapping[str, Json], directory: 
 STAGE = Stage("baseline", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

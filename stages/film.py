@@ -9,21 +9,23 @@ from pathlib import Path
 
 import numpy as np
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import execute
+from roboscribe.dsl.observer import Arrivals, Observer
 from roboscribe.dsl.replay import replay
-from roboscribe.envs.panel import Take
+from roboscribe.envs.panel import RecordedEpisode
 from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
 from roboscribe.evaluation import PURPOSE, episode_seeds
 from roboscribe.runnable import Runnable
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library
+from roboscribe.stages.runtime.files import read_json, read_program
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.task import Painter, Task, World
-from stages import alone
-from stages.files import read_json, read_program
-from stages.progress import Report, silent
-from stages.skills import read_library
-from stages.store import Inputs, Stage
-from stages.world import TaskConfig
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.task import Task
 
 VIDEO = "rollout.mp4"
 
@@ -40,12 +42,12 @@ class Config:
 
     task: TaskConfig
     seed: int = 0
-    confirm: int = 3
+    confirm: int = CONFIRM
 
 
-def takes(
+def record_episodes(
     program: Runnable, task: Task, episodes: Sequence[int], seeds: Sequence[int] | IntArray, goal: str = ROOT
-) -> list[Take]:
+) -> list[RecordedEpisode]:
     """Run episodes and keep what a film of them needs.
 
     Args:
@@ -55,14 +57,22 @@ def takes(
         seeds: (E,) one for each.
         goal: what the program is to reach.
     """
-    recording = _Recording(task)
+    kept = _Snapshots(len(seeds))
     library, limits, confirm = program.library, program.limits, program.confirm
     drawn = np.asarray(seeds, dtype=np.int64)
     rollouts = execute(
-        program.program, library, recording, drawn, limits=limits, batch=1, until_end=goal != ROOT, confirm=confirm
+        program.program,
+        library,
+        task,
+        drawn,
+        limits=limits,
+        batch=1,
+        until_end=goal != ROOT,
+        confirm=confirm,
+        observer=kept,
     )
     return [
-        Take(
+        RecordedEpisode(
             states=trajectory.states,
             snapshots=np.stack(snapshots),
             moments=replay(program.program, task.layout, trajectory.states, limits, confirm, task.solved),
@@ -70,13 +80,13 @@ def takes(
             title=f"episode {episode}",
         )
         for episode, trajectory, snapshots, solved in zip(
-            episodes, rollouts.trajectories, recording.episodes, rollouts.success, strict=True
+            episodes, rollouts.trajectories, kept.by_episode, rollouts.success, strict=True
         )
     ]
 
 
 @dataclass(frozen=True)
-class Shooting:
+class FilmOptions:
     """How to film.
 
     Args:
@@ -94,13 +104,15 @@ class Shooting:
     size: tuple[int, int] = SIZE
 
 
-def film(program: Runnable, task: Task, shown: Sequence[Take], out: Path, how: Shooting | None = None) -> Path:
+def film(
+    program: Runnable, task: Task, shown: Sequence[RecordedEpisode], out: Path, how: FilmOptions | None = None
+) -> Path:
     """Write a video of one episode, or of several in a grid.
 
     Returns:
         The file written, a GIF where no encoder is found.
     """
-    how = how or Shooting()
+    how = how or FilmOptions()
     every = how.every * (max(1, round(task.frequency / GIF_RATE)) if out.suffix.lower() == ".gif" else 1)
     shown = [take.thinned(every) for take in shown]
     one = how.columns == how.rows == 1
@@ -112,7 +124,7 @@ def film(program: Runnable, task: Task, shown: Sequence[Take], out: Path, how: S
     return write_video(frames, out, task.frequency / every * (SLOW if how.slow else 1.0))
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `rollout.mp4`, or `rollout.gif` where no encoder is found.
 
     Inputs:
@@ -122,76 +134,23 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    shown = takes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
+    shown = record_episodes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
     film(program, task, shown, out / VIDEO)
 
 
-class _Recording(Task):
-    """A task whose only world keeps a snapshot of every state that it shows."""
+class _Snapshots(Observer):
+    """Keeps the simulator's state at every state of every episode."""
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.name: str = task.name
-        self.action_size: int = task.action_size
-        self.horizon: int = task.horizon
-        self.frequency: float = task.frequency
-        self.episodes: list[list[FloatArray]] = []
-        """Snapshots of every episode, in the order in which they were run."""
+    def __init__(self, episodes: int) -> None:
+        self.by_episode: list[list[FloatArray]] = [[] for _ in range(episodes)]
 
-    @property
-    def layout(self) -> Layout:
-        return self.task.layout
-
-    def solved(self, states: FloatArray) -> BoolArray:
-        return self.task.solved(states)
-
-    def world(self, batch: int) -> World:
-        return _RecordingWorld(self.task.world(batch), self.episodes)
-
-    def painter(self, width: int, height: int) -> Painter | None:
-        return self.task.painter(width, height)
-
-
-@dataclass
-class _RecordingWorld:
-    """A world of one row that notes a snapshot after every reset and step."""
-
-    inner: World
-    episodes: list[list[FloatArray]]
-
-    def __post_init__(self) -> None:
-        self.batch: int = self.inner.batch
-        self.control_steps: int = 0
-
-    def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
-        states = self.inner.reset(rows, seeds)
-        self.episodes.append([])
-        self._note(rows)
-        return states
-
-    def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
-        states = self.inner.step(rows, actions)
-        self.control_steps = self.inner.control_steps
-        self._note(rows)
-        return states
-
-    def observe(self, rows: IntArray) -> FloatArray:
-        return self.inner.observe(rows)
-
-    def diverged(self, rows: IntArray) -> BoolArray:
-        return self.inner.diverged(rows)
-
-    def save(self, rows: IntArray) -> FloatArray:
-        return self.inner.save(rows)
-
-    def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
-        return self.inner.load(rows, snapshots)
-
-    def _note(self, rows: IntArray) -> None:
-        self.episodes[-1].append(self.inner.save(rows)[0])
+    def see(self, arrivals: Arrivals) -> BoolArray:
+        for episode, snapshot in zip(arrivals.episodes, arrivals.world.save(arrivals.rows), strict=True):
+            self.by_episode[episode].append(snapshot)
+        return super().see(arrivals)
 
 
 STAGE = Stage("film", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -8,18 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
-from pipelines.options import PROGRAM_HELP, HomeDir
+from roboscribe.defaults import EVALUATION_EPISODES
+from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir
+from roboscribe.pipelines.commands.output import FAIL, console, make_directory, say
 
 if TYPE_CHECKING:
-    from pipelines.paper.experiment import Desk, Done, Options
+    from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 
 T = TypeVar("T")
-NO_PROGRAM = 3
-"""Exit code where a synthesis found no program."""
-console = Console(highlight=False)
 paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
 
 
@@ -62,7 +59,7 @@ def curves(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -73,7 +70,7 @@ def curves(
     home: HomeDir = Path(),
 ) -> None:
     """Draw success over control steps by task and method (Fig. 19); it goes on where it was interrupted."""
-    from pipelines.paper.curves import draw_curves
+    from roboscribe.pipelines.paper.curves import draw_curves
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
     _end(draw_curves(options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -84,7 +81,7 @@ def table1(
     task: Tasks = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -95,7 +92,7 @@ def table1(
     home: HomeDir = Path(),
 ) -> None:
     """Count the refinements of the syntheses of `paper curves` (Table 1)."""
-    from pipelines.paper.curves import make_table1
+    from roboscribe.pipelines.paper.curves import make_table1
 
     options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
     _end(make_table1(options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -106,7 +103,7 @@ def demos(
     task: Tasks = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -117,7 +114,7 @@ def demos(
     home: HomeDir = Path(),
 ) -> None:
     """Synthesize from few and many demonstrations, of several styles (Sec. 5.1)."""
-    from pipelines.paper.demos import draw_demos
+    from roboscribe.pipelines.paper.demos import draw_demos
 
     options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
     _end(draw_demos(options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -135,7 +132,7 @@ def towers(
     contact: Annotated[
         list[str] | None, typer.Option(help="contact model to measure under; repeatable; left out: stable and paper")
     ] = None,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     program: Programs = None,
@@ -147,7 +144,7 @@ def towers(
     home: HomeDir = Path(),
 ) -> None:
     """Measure how programs for one tower build others (Fig. 21)."""
-    from pipelines.paper.towers import Experiment, measure_towers
+    from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick, programs=program)
     usual = Experiment()
@@ -160,7 +157,7 @@ def confined(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     program: Programs = None,
@@ -172,7 +169,7 @@ def confined(
     home: HomeDir = Path(),
 ) -> None:
     """Learn only the guards of Push-3's programs again, for goals where the order matters (Sec. 5.3)."""
-    from pipelines.paper.confined import Confinement, measure_confined
+    from roboscribe.pipelines.paper.confined import Confinement, measure_confined
 
     options = _options(None, method, profile, seeds, episodes, budget, quick=quick, programs=program)
     _end(measure_confined(Confinement(), options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -184,7 +181,7 @@ def everything(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -195,19 +192,30 @@ def everything(
     home: HomeDir = Path(),
 ) -> None:
     """Do all experiments, cheapest first."""
-    from pipelines.paper.everything import do_everything, expectation
+    from roboscribe.pipelines.paper.everything import do_everything, expectation
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
-    _say(expectation(options))
+    say(expectation(options))
     done = do_everything(options, _desk(home, engine, runner, workers, dask_address, out), console)
     for name, each in done.items():
-        _say(f"paper {name}: {each.directory or 'no report'}")
+        say(f"paper {name}: {each.directory or 'no report'}")
         for task_name in each.missing:
-            _say(f"  {task_name} not built yet")
+            say(f"  {task_name} not built yet")
         for failure in each.failures:
-            _say(f"  FAIL: {failure}")
+            say(f"  FAIL: {failure}")
     if any(each.failures for each in done.values()):
-        raise typer.Exit(NO_PROGRAM)
+        raise typer.Exit(FAIL)
+
+
+@paper.command()
+def results(
+    out: Annotated[Path, typer.Option("--out", help="directory of the page")] = Path("docs"), home: HomeDir = Path()
+) -> None:
+    """Put the reports in data/paper on one page, with the commands that complete them."""
+    from roboscribe.pipelines.paper.results import write_results
+    from roboscribe.pipelines.workspace import Workspace
+
+    say(str(write_results(Workspace(home).data / "paper", out)))
 
 
 def _options(
@@ -226,8 +234,8 @@ def _options(
     Raises:
         TaskError: an unknown method, profile or budget.
     """
-    from pipelines.paper.experiment import Options
-    from pipelines.paper.methods import check_method, check_profile
+    from roboscribe.pipelines.paper.experiment import Options
+    from roboscribe.pipelines.paper.methods import check_method, check_profile
 
     methods = tuple(check_method(name) for name in _several(method, ()))
     profiles = tuple(check_profile(name) for name in _several(profile, ()))
@@ -235,52 +243,34 @@ def _options(
     return Options(tasks, methods, profiles, seeds, episodes, budget, quick, given)
 
 
-def _desk(home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None) -> Desk:
+def _desk(
+    home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None
+) -> ExperimentContext:
     """Say where and how the work is done."""
-    from pipelines.home import Home
-    from pipelines.paper.experiment import Desk
-    from pipelines.paper.running import Runner
+    from roboscribe.pipelines.paper.cell_runner import Runner
+    from roboscribe.pipelines.paper.experiment import ExperimentContext
+    from roboscribe.pipelines.workspace import Workspace
 
-    _make_room(out)
+    if out is not None:
+        make_directory(out)
     parallel = runner is RunnerName.dask or bool(address)
     chosen = Runner("local" if engine is EngineName.local else "prefect", workers * parallel, address)
-    return Desk(Home(home), chosen, out)
+    return ExperimentContext(Workspace(home), chosen, out)
 
 
-def _end(done: Done) -> None:
+def _end(done: ExperimentResult) -> None:
     """Print what was found; exit code 3 where a synthesis found no program."""
     if done.summary:
-        _say(done.summary)
+        say(done.summary)
     else:
         for task in done.missing:
-            _say(f"{task} not built yet")
+            say(f"{task} not built yet")
     for failure in done.failures:
-        _say(f"FAIL: {failure}")
+        say(f"FAIL: {failure}")
     if done.failures:
-        raise typer.Exit(NO_PROGRAM)
-
-
-def _make_room(out: Path | None) -> None:
-    """Make the directory of the report.
-
-    Raises:
-        ArtifactError: it cannot be made.
-    """
-    from roboscribe.errors import ArtifactError
-
-    try:
-        if out is not None:
-            out.resolve().mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        msg = f"{out}: the directory cannot be made ({error.strerror})"
-        raise ArtifactError(msg) from error
+        raise typer.Exit(FAIL)
 
 
 def _several(given: Sequence[T] | None, usual: tuple[T, ...]) -> tuple[T, ...]:
     """Return what was given, each value once, or else what is usual."""
     return tuple(dict.fromkeys(given or usual))
-
-
-def _say(line: str) -> None:
-    """Print text as it is."""
-    console.print(Text(line), soft_wrap=True)

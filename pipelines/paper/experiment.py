@@ -11,22 +11,23 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from pipelines.checkout import ROOT, checkout_commit
-from pipelines.home import Home
-from pipelines.paper.cells import Place, cell_of
-from pipelines.paper.running import Runner, run_cells
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.errors import TaskError
-from roboscribe.evaluation import spell_success
+from roboscribe.evaluation import format_success
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
-from stages.code_version import code_version
-from stages.experiment import Child, track_experiment
-from stages.paper.curves import cell_metrics
-from stages.paper.report import About, Report, report_files
-from stages.paper.rows import CELL_COLUMNS, Record, Row, Trial, read_record, rows_of, tabulate
-from stages.paper.since import COMMIT, changes, newest
-from stages.settings import encode
-from stages.store import locked
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.cell_runner import Runner, run_cells
+from roboscribe.pipelines.paper.cells import CellContext, cell_of
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.stages.paper.curves import cell_metrics
+from roboscribe.stages.paper.report import About, Report, report_files
+from roboscribe.stages.paper.rows import CELL_COLUMNS, Record, Row, Trial, read_record, rows_of, tabulate
+from roboscribe.stages.paper.since import COMMIT, changes, newest
+from roboscribe.stages.runtime.code_version import ROOT, code_version
+from roboscribe.stages.runtime.configuration import encode
+from roboscribe.stages.runtime.store import locked
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import ChildRun, track_experiment
 
 QUICK_STEPS, QUICK_EPISODES = 100_000, 50
 QUICK_TASKS = ("pick-place-1", "point-pick-place-1")
@@ -41,7 +42,7 @@ class Options:
         methods: "roboscribe" and baselines, instead of those that the experiment has.
         profiles: what programs may be learned from, instead of those that the experiment has.
         seeds: how many; they count from 0.
-        episodes: of each final evaluation.
+        evaluation_episodes: of each final evaluation.
         budget: "default", "paper" or a number of steps of learning.
         quick: a run that is no result.
         programs: given ones, instead of synthesizing any.
@@ -51,13 +52,13 @@ class Options:
     methods: tuple[str, ...] = ()
     profiles: tuple[str, ...] = ()
     seeds: int = 5
-    episodes: int = 500
+    evaluation_episodes: int = EVALUATION_EPISODES
     budget: str = "default"
     quick: bool = False
     programs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what makes no sense.
+        """Refuse options that contradict each other.
 
         Raises:
             TaskError: a budget that is neither a word nor a number.
@@ -70,7 +71,9 @@ class Options:
         """Return the options of a quick run where one is asked for: seed 0, few episodes, small tasks."""
         if not self.quick:
             return self
-        return replace(self, tasks=self.tasks or tasks, seeds=1, episodes=min(self.episodes, QUICK_EPISODES))
+        return replace(
+            self, tasks=self.tasks or tasks, seeds=1, evaluation_episodes=min(self.evaluation_episodes, QUICK_EPISODES)
+        )
 
     def words(self) -> list[str]:
         """Spell the options that are not the usual ones, as the command line takes them."""
@@ -80,7 +83,7 @@ class Options:
             words += [word for value in values for word in (option, value)]
         for option, value, default in (
             ("--seeds", self.seeds, usual.seeds),
-            ("--episodes", self.episodes, usual.episodes),
+            ("--episodes", self.evaluation_episodes, usual.evaluation_episodes),
             ("--budget", self.budget, usual.budget),
         ):
             words += [option, str(value)] if value != default else []
@@ -88,30 +91,30 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Desk:
+class ExperimentContext:
     """Where an experiment is done.
 
     Args:
-        home: where everything is kept.
+        workspace: where everything is kept.
         runner: what runs the cells.
         out: where the report goes; None is `data/paper/NAME`.
         track: whether MLflow is told.
     """
 
-    home: Home
+    workspace: Workspace
     runner: Runner = field(default_factory=Runner)
     out: Path | None = None
     track: bool = True
 
     @property
-    def place(self) -> Place:
+    def cell_context(self) -> CellContext:
         """Where cells are computed."""
-        return Place(self.home, self.track)
+        return CellContext(self.workspace, self.track)
 
 
 @dataclass(frozen=True)
-class Done:
-    """What an experiment leaves.
+class ExperimentResult:
+    """The result of an experiment.
 
     Args:
         summary: the report in Markdown; "" where nothing could be measured.
@@ -129,7 +132,7 @@ class Done:
 
 
 def existing(tasks: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Part the tasks of the paper that can be made from those that do not exist yet."""
+    """Separate the tasks of the paper that can be made from those that do not exist yet."""
     built = tuple(task for task in tasks if _exists(task))
     return built, tuple(task for task in tasks if task not in built)
 
@@ -175,7 +178,7 @@ class Outcome:
         return rows_of(self.trial, self.record)
 
 
-def run_trials(title: str, trials: Sequence[Trial], desk: Desk, console: Console) -> list[Outcome]:
+def run_trials(title: str, trials: Sequence[Trial], context: ExperimentContext, console: Console) -> list[Outcome]:
     """Run every trial, or find it in the store."""
     cells = [cell_of(trial) for trial in trials]
 
@@ -184,9 +187,9 @@ def run_trials(title: str, trials: Sequence[Trial], desk: Desk, console: Console
         if record.reason:
             return f"{record.ended}: {record.reason}"
         last = rows_of(trials[number], record)[-1]
-        return f"{spell_success(last)}, {last['control_steps']} control steps"
+        return f"{format_success(last)}, {last['control_steps']} control steps"
 
-    found = run_cells(title, cells, desk.place, desk.runner, console, say)
+    found = run_cells(title, cells, context.cell_context, context.runner, console, say)
     return [Outcome(trial, read_record(out), out) for trial, out in zip(trials, found, strict=True)]
 
 
@@ -204,21 +207,21 @@ def finish(
     name: str,
     report: Report,
     options: Options,
-    desk: Desk,
+    context: ExperimentContext,
     *,
     missing: Sequence[str] = (),
     failures: Sequence[str] = (),
     keys: Sequence[str] = CELL_COLUMNS,
-    children: Sequence[Child] = (),
+    children: Sequence[ChildRun] = (),
     words: Sequence[str] = (),
-) -> Done:
+) -> ExperimentResult:
     """Write the report's files and track them.
 
     Args:
         name: of the experiment.
         report: its table, text and pictures.
         options: what was asked for.
-        desk: where it was done.
+        context: where it was done.
         missing: tasks that do not exist yet.
         failures: cells without a result, and why.
         keys: columns that tell one cell from another.
@@ -226,7 +229,7 @@ def finish(
         words: further options of the command line.
     """
     commit, title = checkout_commit(), f"paper {name}"
-    earlier = newest(desk.home.data / "runs", title, name, commit, quick=options.quick)
+    earlier = newest(context.workspace.data / "runs", title, name, commit, quick=options.quick)
     about = About(
         name,
         shlex.join(["roboscribe", "paper", name, *options.words(), *words]),
@@ -238,25 +241,30 @@ def finish(
         {"asked": encode(options)},
     )
     files = report_files(report, about)
-    out = desk.out or desk.home.data / "paper" / (f"{name}-quick" if options.quick else name)
+    out = context.out or context.workspace.data / "paper" / (f"{name}-quick" if options.quick else name)
     out.mkdir(parents=True, exist_ok=True)
     write_files({out / file: data for file, data in files.items()})
     summary = files[f"{name}.md"].decode()
-    run_id = _track(title, report, about, files, desk, children) if desk.track else None
-    return Done(summary, tuple(failures), tuple(missing), out, run_id)
+    run_id = _track(title, report, about, files, context, children) if context.track else None
+    return ExperimentResult(summary, tuple(failures), tuple(missing), out, run_id)
 
 
 def _track(
-    title: str, report: Report, about: About, files: Mapping[str, bytes], desk: Desk, children: Sequence[Child]
+    title: str,
+    report: Report,
+    about: About,
+    files: Mapping[str, bytes],
+    context: ExperimentContext,
+    children: Sequence[ChildRun],
 ) -> str | None:
-    """Tell MLflow of the run and of its cells; the same run told again is the same run."""
+    """Track the run and its cells in MLflow; tracked again, it is the same run."""
     identity: Json = {
         "command": about.command,
         "commit": about.commit,
         "table": hashlib.sha256(files[f"{about.name}.csv"]).hexdigest(),
-        "code": code_version("stages.paper.curves"),
+        "code": code_version("roboscribe.stages.paper.curves"),
     }
-    directory = desk.home.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
+    directory = context.workspace.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
     directory.mkdir(parents=True, exist_ok=True)
     params = {"quick": str(about.quick), "command": about.command}
     lock = ROOT / "requirements.lock"
@@ -266,21 +274,33 @@ def _track(
         "roboscribe.lock": sha256_of(lock) if lock.is_file() else "",
     }
     with locked(directory):
-        return track_experiment(directory, desk.home.mlruns, title, title, params, {}, files, tags, children)
+        return track_experiment(directory, context.workspace.mlruns, title, title, params, {}, files, tags, children)
 
 
-def children_of(outcomes: Sequence[Outcome]) -> list[Child]:
+def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:
     """Return the cells of trials as they are tracked: parameters, figures of the end, and the curve."""
     return [_child(each) for each in outcomes]
 
 
-def _child(each: Outcome) -> Child:
+def _child(each: Outcome) -> ChildRun:
     rows, trial = each.rows, each.trial
     last = rows[-1]
-    names = ("task", "method", "profile", "seed", "budget", "contact", "timing", "shown", "style", "failing", "quick")
+    names = (
+        "task",
+        "method",
+        "profile",
+        "seed",
+        "budget",
+        "contact",
+        "timing",
+        "n_demonstrations",
+        "style",
+        "failing",
+        "quick",
+    )
     params = {name: str(last[name]) for name in names}
     curve = [(int(str(row["control_steps"])), float(str(row["success"]))) for row in rows]
     refined = {} if each.record.refinements is None else {"refinements": float(each.record.refinements)}
     metrics = {**cell_metrics(last), **refined}
     tags = {COMMIT: each.record.commit, **({"reason": each.record.reason} if each.record.reason else {})}
-    return Child(str(trial), params, metrics, tuple(curve), each.record.demonstrations, tags)
+    return ChildRun(str(trial), params, metrics, tuple(curve), each.record.demonstrations, tags)

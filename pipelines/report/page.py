@@ -10,12 +10,6 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from pipelines.report.chapters import Chapters
-from pipelines.report.figures import figures, side_by_side, success
-from pipelines.report.films import FINAL, Film, films_html
-from pipelines.report.views import chapter_views, learning_html, success_curves
-from pipelines.runs import KEY, SHOWN, Found
-from pipelines.story import trained
 from roboscribe.dsl.parser import parse_program
 from roboscribe.errors import ProgramError
 from roboscribe.html.code import code_html, meanings
@@ -23,6 +17,12 @@ from roboscribe.html.curves import curves_html
 from roboscribe.html.style import STYLE, run_colour
 from roboscribe.html.tables import figures_html, pairs_html
 from roboscribe.html.tree import tree_html
+from roboscribe.pipelines.console import training_line
+from roboscribe.pipelines.report.chapters import Chapters
+from roboscribe.pipelines.report.figures import figures, side_by_side, success
+from roboscribe.pipelines.report.films import FINAL, Film, films_html
+from roboscribe.pipelines.report.views import chapter_views, learning_html, success_curves
+from roboscribe.pipelines.runs.lookup import KEY, SHOWN, LoadedRun
 from roboscribe.subtask_tree import Tree
 from roboscribe.tree_json import tree_from_json
 
@@ -30,23 +30,23 @@ HERE = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True)
-class Reported:
+class ReportedRun:
     """A run that a page shows.
 
     Args:
         found: the run.
-        story: its chapters.
+        chapters: its chapters.
         films: of its failures, by the place of their attempt among the chapters.
     """
 
-    found: Found
-    story: Chapters
+    found: LoadedRun
+    chapters: Chapters
     films: Mapping[int, Sequence[Film]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
-        """What the page calls it."""
-        known = figures(self.found, self.story)
+        """Its name on the page."""
+        known = figures(self.found, self.chapters)
         return f"{known.get('task', '?')} seed {known.get('seed', '?')} ({short_name(self.found.name)})"
 
     @property
@@ -59,13 +59,13 @@ class Reported:
         """The abstraction at the end."""
         if self.found.program is not None:
             return tree_from_json(self.found.program.tree, self.found.name)
-        latest = self.story.refinements[-1:]
+        latest = self.chapters.refinements[-1:]
         return latest[0].tree if latest else None
 
     @property
     def headline(self) -> str:
-        """What came of it, in one line."""
-        counts = self.story.evaluation or self.found.manifest.get("figures", {})
+        """The outcome, in one line."""
+        counts = self.chapters.evaluation or self.found.manifest.get("figures", {})
         if "ci_low" in counts:
             return f"{success(counts)} succeed (95 % interval)"
         account = self.found.account
@@ -79,7 +79,7 @@ def short_name(name: str) -> str:
     return own[:SHOWN] if KEY.fullmatch(own) else own
 
 
-def page(runs: Sequence[Reported]) -> str:
+def page(runs: Sequence[ReportedRun]) -> str:
     """Write the page about some runs.
 
     Args:
@@ -102,10 +102,10 @@ def page(runs: Sequence[Reported]) -> str:
     )
 
 
-def _comparison(runs: Sequence[Reported]) -> dict[str, Markup]:
+def _comparison(runs: Sequence[ReportedRun]) -> dict[str, Markup]:
     """Show what runs share and where they differ."""
-    curves = [curve for rank, run in enumerate(runs) for curve in success_curves(run.story, run.name, rank)]
-    rows = side_by_side([figures(run.found, run.story) for run in runs])
+    curves = [curve for rank, run in enumerate(runs) for curve in success_curves(run.chapters, run.name, rank)]
+    rows = side_by_side([figures(run.found, run.chapters) for run in runs])
     tried = any(curve.points for curve in curves)
     return {
         "curve": Markup(curves_html(curves, "success at the task")) if tried else Markup(),
@@ -113,26 +113,26 @@ def _comparison(runs: Sequence[Reported]) -> dict[str, Markup]:
     }
 
 
-def _run(run: Reported, rank: int, shared: set[str] | None) -> dict[str, object]:
+def _run(run: ReportedRun, rank: int, shared: set[str] | None) -> dict[str, object]:
     """Prepare what the template shows of a run."""
-    story, tree = run.story, run.tree
-    curves = success_curves(story)
+    chapters, tree = run.chapters, run.tree
+    curves = success_curves(chapters)
     return {
         "name": run.name,
         "colour": run_colour(rank),
         "headline": run.headline,
         "program": _program(run, shared),
-        "figures": Markup(pairs_html(figures(run.found, story))),
+        "figures": Markup(pairs_html(figures(run.found, chapters))),
         "tree": Markup() if tree is None else Markup(tree_html(tree)),
-        "curve": Markup(curves_html(curves, "success")) if story.tried else Markup(),
-        "learning": learning_html(story),
-        "chapters": chapter_views(story, run.films),
-        "video": _video(story),
+        "curve": Markup(curves_html(curves, "success")) if chapters.tried else Markup(),
+        "learning": learning_html(chapters),
+        "chapters": chapter_views(chapters, run.films),
+        "video": _video(chapters),
         "failures": _failures(run),
     }
 
 
-def _program(run: Reported, shared: set[str] | None) -> Markup:
+def _program(run: ReportedRun, shared: set[str] | None) -> Markup:
     """Show the program as its file has it; lines that not all runs share are marked."""
     if not run.text:
         return Markup()
@@ -141,38 +141,38 @@ def _program(run: Reported, shared: set[str] | None) -> Markup:
     return Markup(code_html(run.text, _notes(run), marked))
 
 
-def _lines(run: Reported) -> set[str]:
+def _lines(run: ReportedRun) -> set[str]:
     return {line.strip() for line in run.text.split("\n")}
 
 
-def _notes(run: Reported) -> dict[str, str]:
+def _notes(run: ReportedRun) -> dict[str, str]:
     """Say what names mean, and of controllers how they were learned; nothing where the text is no program."""
     try:
         notes = meanings(parse_program(run.text))
     except ProgramError:
         return {}
-    for attempt in run.story.tried:
+    for attempt in run.chapters.tried:
         for skill in attempt.skills:
             name = f"π_{skill.report['controller']}"
-            notes |= {name: f"{notes[name].split(chr(10))[0]}\n{trained(skill.report)}"} if name in notes else {}
+            notes |= {name: f"{notes[name].split(chr(10))[0]}\n{training_line(skill.report)}"} if name in notes else {}
     return notes
 
 
-def _video(story: Chapters) -> Markup:
+def _video(chapters: Chapters) -> Markup:
     """Show the episode that was filmed when the program was found."""
-    if story.video is None or not story.video.is_file():
+    if chapters.video is None or not chapters.video.is_file():
         return Markup()
-    return films_html([Film(story.video, "the first episode of the final evaluation")])
+    return films_html([Film(chapters.video, "the first episode of the final evaluation")])
 
 
-def _failures(run: Reported) -> dict[str, object]:
+def _failures(run: ReportedRun) -> dict[str, object]:
     """Name the failing episodes of the final evaluation."""
-    story = run.story
-    if not story.evaluation:
+    chapters = run.chapters
+    if not chapters.evaluation:
         return {}
-    count, episodes = len(story.failing), story.evaluation["episodes"]
-    broken = sum(diverged for _, _, diverged, _ in story.failing)
-    named = ", ".join(str(number) for number, *_ in story.failing[:40]) + (", …" if count > 40 else "")
+    count, episodes = len(chapters.failing), chapters.evaluation["episodes"]
+    broken = sum(diverged for _, _, diverged, _ in chapters.failing)
+    named = ", ".join(str(number) for number, *_ in chapters.failing[:40]) + (", …" if count > 40 else "")
     lines = [f"{count} of {episodes} episodes failed" + (f": {named}." if count else ".")]
     lines += [f"In {broken} of them physics broke."] if broken else []
     return {"lines": lines, "films": films_html(run.films.get(FINAL, ()))}

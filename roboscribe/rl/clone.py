@@ -13,6 +13,7 @@ from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.torch_net import layers_of, mlp, single_thread
 from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.rows import Rows
 
 MAX_GRADIENT = 10.0
 """Norm to which a step's gradient is clipped: lets ordinary steps through and takes the sting out of a rare outlier."""
@@ -21,21 +22,16 @@ MOST_LOG_STD = 2.0
 
 
 @dataclass(frozen=True)
-class Samples:
+class CloningSamples(Rows):
     """Demonstrated frames of one skill: states (M, F), bound entities (M, n), actions (M, A) in [-1, 1]."""
 
     states: FloatArray
     entities: IntArray
     actions: FloatArray
 
-    def __len__(self) -> int:
-        """M."""
-        return len(self.states)
-
-    def known(self) -> Samples:
+    def known(self) -> CloningSamples:
         """Leave out frames whose action is unknown (NaN)."""
-        rows = ~np.isnan(self.actions).any(axis=1)
-        return Samples(self.states[rows], self.entities[rows], self.actions[rows])
+        return self.take(~np.isnan(self.actions).any(axis=1))
 
 
 def initial_skill(skill: Skill, action_size: int, hidden: tuple[int, ...], seed: int) -> Skill:
@@ -52,7 +48,7 @@ def initial_skill(skill: Skill, action_size: int, hidden: tuple[int, ...], seed:
         return skill.with_layers(layers_of(mlp([skill.encoder.size, *hidden, action_size])))
 
 
-def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Iterator[tuple[int, Skill]]:
+def clone(skill: Skill, samples: CloningSamples, config: CloneConfig, seed: int) -> Iterator[tuple[int, Skill]]:
     """Fit a skill's network to demonstrated actions, yielding it at several numbers of gradient steps.
 
     The loss is the Gaussian log-likelihood of the pre-tanh action with a predicted, state-dependent variance: frames

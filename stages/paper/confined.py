@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from stages.paper.report import Report, grid, percent, seed_list, spell_spread
-from stages.paper.statistics import FEW_SEEDS, spread
-from stages.paper.style import PAPER, QUICK, colour, pictures, rate_axis, styled
-from stages.paper.values import CONFINED
+from roboscribe.stages.paper.report import Report, grid, percent, seed_list, spell_spread
+from roboscribe.stages.paper.statistics import FEW_SEEDS, spread
+from roboscribe.stages.paper.style import PAPER, QUICK, colour, pictures, rate_axis, styled
+from roboscribe.stages.paper.values import CONFINED
 
 OLD, NEW, ZERO_SHOT = "old guard", "new guard", "zero-shot"
 FIGURES = ("successes", "episodes", "success", "ci_low", "ci_high", "control_steps")
@@ -38,7 +38,7 @@ class Measurement:
         seed: that decided it.
         way: "old guard", "new guard" or "zero-shot".
         loop: line that begins its loop; "" for baselines.
-        shown: demonstrations from which the guard was learned.
+        n_demonstrations: demonstrations from which the guard was learned.
         demonstrations: their SHA-256; "" where none were used.
         contact: contact model.
         timing: simulator steps per control step.
@@ -55,7 +55,7 @@ class Measurement:
     seed: int
     way: str
     loop: str
-    shown: int
+    n_demonstrations: int
     demonstrations: str
     contact: str
     timing: str
@@ -86,7 +86,7 @@ def _row(each: Measurement) -> dict[str, object]:
         "budget": "default",
         "quick": each.quick,
         "commit": each.commit,
-        "shown": each.shown,
+        "n_demonstrations": each.n_demonstrations,
         "loop": each.loop,
     }
 

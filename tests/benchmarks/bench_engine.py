@@ -17,7 +17,7 @@ from time import perf_counter, process_time
 import numpy as np
 
 from roboscribe.envs import multi_block_demonstrator, single_block_demonstrator
-from roboscribe.envs.tasks.gym import make_env, state_of
+from roboscribe.envs.goal_env import make_env, state_of
 from roboscribe.envs.tasks.pick_place import PickPlace
 
 ROWS = 64

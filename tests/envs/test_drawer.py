@@ -21,7 +21,8 @@ ROWS = np.arange(4)
 def put(extension: float, *cubes: tuple[float, float, float]) -> FloatArray:
     """Build a state with the drawer and the cubes somewhere."""
     places = np.concatenate([np.array([*cube, 0.0, 0.0, 0.0]) for cube in cubes])
-    return np.concatenate([np.zeros(10), [extension, geometry.TRAVEL], places])
+    drawer = geometry.drawer_columns(np.array([geometry.CABINET]), np.array([extension]), geometry.TRAVEL)[0]
+    return np.concatenate([np.zeros(7), drawer, places])
 
 
 @pytest.mark.parametrize(
@@ -54,7 +55,29 @@ def test_cubes_and_goals_are_apart(cubes: int) -> None:
         for places, room in ((episode.places, 0.045), (episode.goals[:, :2], 0.05)):
             gaps = np.linalg.norm(places[:, None] - places[None], axis=2) + np.eye(cubes)
             assert gaps.min() > room
-        assert geometry.inside(episode.goals, np.array(geometry.TRAVEL)).all()
+        bar = geometry.drawer_columns(episode.cabinet[None], np.array([geometry.TRAVEL]), 0.0)[0, :3]
+        assert geometry.inside(episode.goals, bar).all()
+
+
+def test_goals_do_not_tell_where_the_handle_is() -> None:
+    """A controller that sees a cube and its goal alone must not open the drawer by knowing where it always is."""
+    world = DrawerWorld(1, False, "fast", 200)
+    states = world.reset(np.arange(200), np.arange(200))
+    seen = np.concatenate([states[:, 12:18], np.ones((200, 1))], axis=1)
+    missed = states[:, 7] - seen @ np.linalg.lstsq(seen, states[:, 7], rcond=None)[0]
+    assert np.std(missed) > 0.015
+    assert np.ptp(states[:, 10]) > 0.9 * geometry.AJAR
+    assert np.ptp(states[:, 8]) > 0.9 * 2 * geometry.CABINET_JITTER[1]
+
+
+def test_the_cabinet_stands_where_the_state_says() -> None:
+    world = DrawerWorld(1, False, "fast", 2)
+    states = world.reset(ROWS[:2], ROWS[:2])
+    for _ in range(5):
+        after = world.step(ROWS[:2], np.zeros((2, 4)))
+    assert np.abs(after[:, 7:11] - states[:, 7:11]).max() < 1e-4
+    assert np.allclose(after[:, 14], geometry.CABINET_TOP + geometry.HALF_CUBE, atol=1e-3)
+    assert np.abs(after[:, 12:14] - states[:, 12:14]).max() < 1e-3
 
 
 def test_constants_are_those_of_the_cabinet() -> None:
@@ -126,8 +149,8 @@ def test_what_is_put_down_stays() -> None:
     """What a cube is brought to holds from the first time on: a loop needs that."""
     for shown in make_task("place-cubes-drawer-1").demonstrate(4, seed=1):
         gap = np.linalg.norm(shown.states[:, 12:15] - shown.states[:, 15:18], axis=1)
-        assert gap[-1] < 0.012
-        assert gap[(gap < 0.012).argmax() :].max() < 0.02
+        assert gap[-1] < 0.02
+        assert gap[(gap < 0.02).argmax() :].max() < 0.03
 
 
 @pytest.mark.parametrize("name", ["place-cubes-drawer-6", "place-cubes-drawer-99-closed"])

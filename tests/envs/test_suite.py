@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.drawer import moves
+from roboscribe.envs.drawer import geometry, moves
 from roboscribe.envs.drawer.world import DrawerWorld
 from roboscribe.envs.suite.world import SuiteWorld
 from roboscribe.envs.tasks.robosuite import SuiteTask
@@ -79,6 +79,18 @@ def test_the_drawer_begins_as_the_batched_one_and_moves_alike() -> None:
     assert np.linalg.norm(one[0, :3] - other[0, :3]) < 0.01
 
 
+def test_the_drawer_has_to_be_shut_where_that_is_asked_for() -> None:
+    ours, theirs = make_task("place-cubes-drawer-1-closed"), make_task("robosuite:PlaceCubesDrawer,cubes=1,closed=yes")
+    one, other = (task.world(1).reset(ROW, np.array([5])) for task in (ours, theirs))
+    assert np.abs(one - other).max() < 2e-3
+    assert ours.horizon == theirs.horizon
+    state = one.copy()
+    state[:, 12:15] = state[:, 7:10] - np.array(geometry.HANDLE) + (0.0, 0.0, 0.036)
+    for extension, shut in ((0.01, True), (0.1, False)):
+        state[:, 10] = extension
+        assert bool(theirs.solved(state)[0]) is bool(ours.solved(state)[0]) is shut
+
+
 def test_processes_give_the_same_as_one() -> None:
     task = make_task("robosuite:Lift")
     assert isinstance(task, SuiteTask)
@@ -105,7 +117,9 @@ def test_other_robots_and_controllers() -> None:
         ("PickPlaceSingle", "changes from episode to episode"),
         ("Lift,robot=Baxter", "no robot with one arm 'Baxter'"),
         ("Lift,controller=JOINT_VELOCITY", "controller 'JOINT_VELOCITY', expected one of HELD"),
-        ("Lift,speed=2", "option 'speed=2', expected robot=NAME"),
+        ("Lift,speed=2", "option 'speed=2', expected robot=NAME or controller=NAME"),
+        ("Lift,closed=yes", "option 'closed=yes', expected robot=NAME"),
+        ("PlaceCubesDrawer,closed=maybe", "closed=maybe, expected yes or no"),
     ],
 )
 def test_what_cannot_be_a_task_is_said(name: str, said: str) -> None:

@@ -10,14 +10,24 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from roboscribe.stages.paper import confined, curves, demos, table1
+from roboscribe.stages.paper.report import About, Report, report_files, spell_steps
+from roboscribe.stages.paper.rows import (
+    CELL_COLUMNS,
+    COLUMNS,
+    GIVEN_UP,
+    NO_PROGRAM,
+    Point,
+    Record,
+    Trial,
+    rows_of,
+    tabulate,
+)
+from roboscribe.stages.paper.since import COMMIT, changes, newest
+from roboscribe.stages.paper.values import REPORTED
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import ChildRun, track_experiment
 from roboscribe.steps import wilson
-from stages.experiment import Child, track_experiment
-from stages.paper import confined, curves, demos, table1
-from stages.paper.report import About, Report, report_files, spell_steps
-from stages.paper.rows import CELL_COLUMNS, COLUMNS, GIVEN_UP, NO_PROGRAM, Point, Record, Trial, rows_of, tabulate
-from stages.paper.since import COMMIT, changes, newest
-from stages.paper.values import REPORTED
-from stages.world import TaskConfig
 from tests.pipelines.stores import empty_store, points, statuses
 
 ONE = "pick-place-1"
@@ -97,7 +107,7 @@ def test_more_refinements_than_the_paper_are_named() -> None:
 
 
 def test_demonstration_sizes_stand_beside_the_paper_s() -> None:
-    few = Trial(TaskConfig(ONE), shown=10)
+    few = Trial(TaskConfig(ONE), n_demonstrations=10)
     rows = [*rows_of(few, record([(60_000, 97)], 495)), *rows_of(replace(few, style="slow"), record([(9_000, 3)], 20))]
     report = demos.report(tabulate(rows), (ONE,), (), quick=False)
     assert "| pick-place-1 | actions | 10 | default | 0% | 0 | 99.0 | 99.0 | 99.0 | 60k | 99.8 | 2.28M |" in report.text
@@ -110,10 +120,10 @@ def test_guards_stand_beside_the_paper_s() -> None:
     figures = {"successes": 40, "episodes": 50, "success": 0.8, "ci_low": low, "ci_high": high, "control_steps": 9}
     old = confined.Measurement(
         trained="push-3", task="push-confined-3", method="roboscribe", profile="actions", seed=0, way=confined.OLD,
-        loop="while x", shown=0, demonstrations="", contact="stable", timing="fast", quick=False, commit="c0",
-        figures=figures, seconds=1.0,
+        loop="while x", n_demonstrations=0, demonstrations="", contact="stable", timing="fast", quick=False,
+        commit="c0", figures=figures, seconds=1.0,
     )  # fmt: skip
-    new = replace(old, way=confined.NEW, loop="while y", figures={**figures, "success": 0.9}, shown=10)
+    new = replace(old, way=confined.NEW, loop="while y", figures={**figures, "success": 0.9}, n_demonstrations=10)
     report = confined.report(confined.tabulate([old, new]), quick=False)
     assert "| roboscribe | old guard | 0 | 80.0 | 80.0 | 80.0 | - |" in report.text
     assert "| roboscribe | new guard | 0 | 90.0 | 90.0 | 90.0 | 86.3 ± 0.5 |" in report.text
@@ -137,7 +147,7 @@ def tracked(home: Path, commit: str, table: pd.DataFrame, *, quick: bool = False
     files = {"curves.csv": table.to_csv(index=False).encode()}
     directory = home / "data" / "runs" / f"run-{commit}-{quick}"
     directory.mkdir(parents=True)
-    child = Child("cell", {"task": ONE}, {"success": 0.5}, ((10, 0.1), (20, 0.5)), "ab" * 32, {COMMIT: commit})
+    child = ChildRun("cell", {"task": ONE}, {"success": 0.5}, ((10, 0.1), (20, 0.5)), "ab" * 32, {COMMIT: commit})
     params = {"quick": str(quick)}
     track_experiment(
         directory, home / "mlruns", "paper curves", "paper curves", params, {}, files, {COMMIT: commit}, [child]

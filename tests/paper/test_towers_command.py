@@ -14,38 +14,39 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from pipelines.chain import Plan
-from pipelines.home import Home
-from pipelines.paper import cells
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.running import Runner
-from pipelines.paper.towers import Experiment, measure_towers
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.saved_program import load_program, save_program
-from stages import transfer
-from stages.mlflow_store import synchronise
-from stages.paper.rows import Trial
-from stages.store import Stage
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper import cells
+from roboscribe.pipelines.paper.cell_runner import Runner
+from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
+from roboscribe.pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.stages import transfer
+from roboscribe.stages.paper.rows import Trial
+from roboscribe.stages.runtime.store import Stage
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.runs import Command, contents, run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 
 EPISODES = 6
 TASKS = ("point-pick-place-1", "point-tower-3")
 """The scripted program solves the first; in the second it takes care of one object of three."""
-SMALL = Options(episodes=EPISODES, tasks=TASKS)
+SMALL = Options(evaluation_episodes=EPISODES, tasks=TASKS)
 NAMES = {"towers.csv", "towers.md", "towers.png", "towers.svg", "manifest.json"}
 SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from pipelines.home import Home
-from pipelines.paper.experiment import Desk
-from pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.pipelines.paper.experiment import ExperimentContext
+from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 from tests.paper.test_towers_command import SMALL, replace
 options = replace(SMALL, programs=(sys.argv[1],))
-measure_towers(Experiment(), options, Desk(Home(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False), Console())
+context = ExperimentContext(Workspace(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False)
+measure_towers(Experiment(), options, context, Console())
 """
 
 
@@ -61,12 +62,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def conduct(
     options: Options, home: Path, *, track: bool = False, experiment: Experiment | None = None
-) -> tuple[Done, str]:
+) -> tuple[ExperimentResult, str]:
     """Run an experiment without Prefect; returns what it leaves and what was said."""
     said = io.StringIO()
     console = Console(file=said, width=200)
-    desk = Desk(Home(home), Runner("local"), home / "report", track)
-    return measure_towers(experiment or Experiment(), options, desk, console), said.getvalue()
+    context = ExperimentContext(Workspace(home), Runner("local"), home / "report", track)
+    return measure_towers(experiment or Experiment(), options, context, console), said.getvalue()
 
 
 def read(home: Path) -> pd.DataFrame:
@@ -119,7 +120,7 @@ def test_measurements_are_not_repeated(made: Path, tmp_path: Path, monkeypatch: 
 def small_syntheses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Synthesize for a point task where towers are asked for; that of 4 blocks with seed 1 finds no program."""
 
-    def plan(trial: Trial, given: Path | None = None) -> Plan:
+    def plan(trial: Trial, given: Path | None = None) -> SynthesisPlan:
         limits = Limits(refinements=0 if (trial.task.name, trial.seed) == ("tower-4", 1) else 12)
         return scripted(trial.seed, limits=limits)
 

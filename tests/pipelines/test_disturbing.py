@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.disturbing import Measured, draw, lines, possible, sweep
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import TaskError
+from roboscribe.pipelines.disturbing import Measured, draw, lines, possible, sweep
 from roboscribe.policy import load
 from tests.pipelines.runs import Command
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.reliability.terminal import ROOT
 
-HELP = "import sys; sys.argv = ['roboscribe', '--help']; from pipelines.cli import main; main()"
+HELP = "import sys; sys.argv = ['roboscribe', '--help']; from roboscribe.pipelines.cli import main; main()"
 HEAVY = {"numpy", "torch", "mujoco", "pyarrow", "mlflow", "prefect", "sklearn", "scipy", "pandas", "matplotlib"}
 
 
@@ -31,7 +31,7 @@ def test_a_start_is_quick(code: str, most: float) -> None:
     assert processor_seconds(code) <= most
 
 
-@pytest.mark.parametrize("code", ["import roboscribe", "import pipelines.cli"])
+@pytest.mark.parametrize("code", ["import roboscribe", "import roboscribe.pipelines.cli"])
 def test_a_start_loads_nothing_heavy(code: str) -> None:
     script = f"import sys; {code}; print(*sys.modules)"
     told = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, cwd=ROOT)

@@ -12,9 +12,9 @@ import pytest
 from roboscribe.errors import RoboScribeError
 from roboscribe.io import load_program, read_demonstrations, write_files
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
-from stages.journal import Journal, read_records
-from stages.mlflow_store import STATE, open_copier
-from stages.store import MANIFEST, Store
+from roboscribe.stages.runtime.journal import Journal, read_records
+from roboscribe.stages.runtime.store import MANIFEST, Store
+from roboscribe.stages.tracking.mlflow_store import STATE, open_sync
 from tests.conftest import Figure, effort
 from tests.io.examples import TASK, carried, write
 from tests.pipelines.stores import empty_store
@@ -133,14 +133,14 @@ def test_row_6_how_far_a_journal_is_copied(tmp_path: Path, figure: Figure) -> No
     """Where that is not known everything is copied again, which changes nothing."""
     empty_store(tmp_path / "mlruns")
     tell(tracker(tmp_path), range(5))
-    open_copier(tmp_path / "runs" / "abc", tmp_path / "mlruns").copy()
+    open_sync(tmp_path / "runs" / "abc", tmp_path / "mlruns").copy()
     path = tmp_path / "runs" / "abc" / STATE
     data, rng = path.read_bytes(), np.random.default_rng(0)
     assert json.loads(data)["offset"] > 0
     held, tried = 0, 0
     for damaged in damages(data, rng, effort(4, 40), effort(2, 10)):
         path.write_bytes(damaged)
-        open_copier(tmp_path / "runs" / "abc", tmp_path / "mlruns").copy()
+        open_sync(tmp_path / "runs" / "abc", tmp_path / "mlruns").copy()
         held += points(tmp_path / "mlruns", CURVE) == expected(range(5))
         tried += 1
     figure("copying states", held, tried)

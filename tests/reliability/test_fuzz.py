@@ -11,13 +11,13 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from pipelines.chain import Plan
 from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.errors import ArtifactError, DemonstrationError, ProgramError
 from roboscribe.io.schema import check_metadata, describe, lengths_of
-from stages.settings import decode, encode
-from stages.values import tree_from_json
-from stages.world import TaskConfig
+from roboscribe.stages.runtime.configuration import decode, encode
+from roboscribe.stages.runtime.serialization import tree_from_json
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
+from roboscribe.stages.runtime.task_config import TaskConfig
 from tests.conftest import Figure, effort
 from tests.io.examples import LAYOUT, TASK
 
@@ -83,7 +83,7 @@ def test_row_18_any_text_is_a_program_or_refused(parse: Any, figure: Figure) -> 
 
 def test_row_19_any_json_is_a_setting_a_tree_or_refused(figure: Figure) -> None:
     count = Count()
-    plan = json.loads(json.dumps(encode(Plan(TaskConfig("tower-5")))))
+    plan = json.loads(json.dumps(encode(SynthesisPlan(TaskConfig("tower-5")))))
     tree = {"nodes": [{"name": "at", "predicate": "true", "circular": False, "scales": {}}], "edges": [["at", "ψ_R"]]}
 
     @fuzzed

@@ -16,11 +16,11 @@ import numpy as np
 import psutil
 import pytest
 
-from pipelines.chain import Plan
-from stages import train
-from stages.journal import read_records
-from stages.mlflow_store import synchronise
-from stages.store import PROGRESS
+from roboscribe.stages import train
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.store import PROGRESS
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
+from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.conftest import TORTURE, Figure, effort
 from tests.pipelines.runs import contents, learned, outputs, run, scripted
 from tests.pipelines.stores import empty_store, statuses
@@ -31,18 +31,18 @@ PROGRAM = {"controllers.safetensors", "manifest.json", "program.txt", "tree.json
 
 
 def start(
-    plan: Plan, home: Path, fatal: Callable[[str], bool] = lambda path: False, sent: int = signal.SIGKILL
+    plan: SynthesisPlan, home: Path, fatal: Callable[[str], bool] = lambda path: False, sent: int = signal.SIGKILL
 ) -> BaseProcess:
     """Run a plan in a process of its own, which gets a signal right before it creates or renames a `fatal` file."""
 
-    def watch(event: str, arguments: tuple[object, ...]) -> None:
+    def on_progress(event: str, arguments: tuple[object, ...]) -> None:
         creates = event == "open" and isinstance(arguments[2], int) and arguments[2] & os.O_CREAT
         path = str(arguments[0])
         if (creates or event == "os.rename") and path.startswith(str(home)) and fatal(path):
             os.kill(os.getpid(), sent)
 
     def work() -> None:
-        sys.addaudithook(watch)
+        sys.addaudithook(on_progress)
         run(plan, home)
 
     process = FORK.Process(target=work)
@@ -50,7 +50,7 @@ def start(
     return process
 
 
-def stopped_until_done(plan: Plan, home: Path, seed: int, sent: int = signal.SIGKILL) -> int:
+def stopped_until_done(plan: SynthesisPlan, home: Path, seed: int, sent: int = signal.SIGKILL) -> int:
     """Run a plan again and again, each time stopped before one of its next writes; returns how often it was stopped."""
     rng = np.random.default_rng(seed)
     for stops in range(60):
@@ -63,8 +63,8 @@ def stopped_until_done(plan: Plan, home: Path, seed: int, sent: int = signal.SIG
     pytest.fail("the run never ended")
 
 
-def tower() -> Plan:
-    """Plan a tower in the plane."""
+def tower() -> SynthesisPlan:
+    """SynthesisPlan a tower in the plane."""
     return scripted(task="point-tower-3")
 
 
@@ -74,7 +74,7 @@ PLANS = [learned, *([scripted, tower] if TORTURE in os.environ else [])]
 @pytest.mark.parametrize("plan", PLANS)
 @pytest.mark.parametrize("seed", range(effort(1, 5)))
 def test_row_1_a_killed_run_goes_on_to_the_same_end(
-    plan: Callable[[], Plan], seed: int, tmp_path: Path, figure: Figure
+    plan: Callable[[], SynthesisPlan], seed: int, tmp_path: Path, figure: Figure
 ) -> None:
     assert isinstance(run(plan(), tmp_path / "whole"), dict)
     kills = stopped_until_done(plan(), tmp_path / "killed", seed)
@@ -177,7 +177,15 @@ def test_row_14_the_same_run_twice_at_once(tmp_path: Path) -> None:
 @pytest.mark.torture
 def test_row_14_four_runs_on_a_fresh_store_with_the_default_engine(tmp_path: Path, figure: Figure) -> None:
     """Four commands at once, each starting Prefect's server on the same new database and MLflow's on the same store."""
-    command = [sys.executable, "-m", "pipelines.cli", "synthesize", "point-pick-place-1", "--profile", "scripted"]
+    command = [
+        sys.executable,
+        "-m",
+        "roboscribe.pipelines.cli",
+        "synthesize",
+        "point-pick-place-1",
+        "--profile",
+        "scripted",
+    ]
     command += ["--episodes", "40", "--home", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     runs = [subprocess.Popen([*command, "--seed", str(seed)], env=environment) for seed in range(4)]
@@ -209,8 +217,8 @@ def told_statuses(home: Path) -> list[object]:
 
 def test_row_16_a_signal_ends_a_command_cleanly(tmp_path: Path) -> None:
     """The command ends with a word about going on, leaves no process behind, and its run is marked as killed."""
-    command = [sys.executable, "-m", "pipelines.cli", "synthesize", "point-pick-place-1", "--profile", "scripted"]
-    command += ["--engine", "local", "--episodes", "50000", "--home", str(tmp_path)]
+    command = [sys.executable, "-m", "roboscribe.pipelines.cli", "synthesize", "point-pick-place-1"]
+    command += ["--profile", "scripted", "--engine", "local", "--episodes", "50000", "--home", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     empty_store(tmp_path / "mlruns")
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)

@@ -15,13 +15,22 @@ import numpy as np
 import pytest
 
 from roboscribe.errors import RoboScribeError
-from stages.journal import read_records
+from roboscribe.stages.runtime.journal import read_records
 from tests.conftest import Figure, effort
 from tests.pipelines.runs import contents, outputs, run, scripted
 from tests.reliability.terminal import ROOT
 from tests.reliability.test_runs import FORK
 
-COMMAND = ["-m", "pipelines.cli", "synthesize", "point-pick-place-1", "--profile", "scripted", "--episodes", "40"]
+COMMAND = [
+    "-m",
+    "roboscribe.pipelines.cli",
+    "synthesize",
+    "point-pick-place-1",
+    "--profile",
+    "scripted",
+    "--episodes",
+    "40",
+]
 FULL = 7
 """Exit code of a child that met a full disk and said so."""
 
@@ -133,10 +142,8 @@ def test_row_20_programs_are_read_and_shown_in_any_locale(tmp_path: Path, locale
     assert isinstance(run(scripted(), home), dict)
     plain = environment(LC_ALL=locale, LANG=locale, PYTHONUTF8="0", PYTHONCOERCECLOCALE="0", PYTHONIOENCODING="")
     command = [sys.executable, *COMMAND, "--engine", "local", "--home", str(home), "--seed", "1"]
-    code = (
-        "import stages.tracking, sys; stages.tracking.Tracker.start = lambda tracker: None; sys.argv = sys.argv[1:]; "
-    )
-    code += "from pipelines.cli import main; main()"
+    code = "import sys; from roboscribe.stages.tracking.tracker import Tracker; Tracker.start = lambda tracker: None; "
+    code += "sys.argv = sys.argv[1:]; from roboscribe.pipelines.cli import main; main()"
     ended = subprocess.run([sys.executable, "-c", code, *command[2:]], capture_output=True, env=plain, cwd=ROOT)
     assert ended.returncode == 0, ended.stderr
     assert b"Traceback" not in ended.stderr
@@ -148,7 +155,7 @@ def test_row_15_a_clock_that_goes_backwards(tmp_path: Path, monkeypatch: pytest.
     """Times decide nothing: the same outputs, every point once, no negative durations."""
     run(scripted(), tmp_path / "whole")
     now = count(time.time_ns(), -3_600_000_000_000)
-    monkeypatch.setattr("stages.journal.time_ns", lambda: next(now))
+    monkeypatch.setattr("roboscribe.stages.runtime.journal.time_ns", lambda: next(now))
     monkeypatch.setattr("time.time", lambda: next(now) / 1e9)
     result = run(scripted(), tmp_path / "back")
     assert isinstance(result, dict)

@@ -15,11 +15,18 @@ from mlflow import MlflowClient
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
-from stages.events import Event, Refined, Trained
-from stages.journal import read_records
-from stages.mlflow_store import DATABASE, STATE, database_uri, ensure_store, open_copier, run_id_of, synchronise
-from stages.progress import Progress
-from stages.tracking import Tracker, spent
+from roboscribe.io.tracked import DATABASE, database_uri
+from roboscribe.stages.runtime.events import Event, Refined, Trained
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.tracking.mlflow_store import (
+    STATE,
+    ensure_store,
+    open_sync,
+    run_id_of,
+    synchronise,
+)
+from roboscribe.stages.tracking.tracker import Tracker, spent
 from tests.pipelines.runs import run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 
@@ -34,12 +41,12 @@ def tracker(home: Path, title: str = "some run") -> Tracker:
 def tell(listening: Tracker, steps: range) -> None:
     """Tell a learner's figures."""
     for step in steps:
-        listening.watch(Progress("hold", step, 100, "steps", {"success": step / 100}, time=1000 + step))
+        listening.on_progress(Progress("hold", step, 100, "steps", {"success": step / 100}, time=1000 + step))
 
 
 def copy(home: Path) -> None:
     """Copy the journal as it stands."""
-    open_copier(home / "runs" / "abc", home / "mlruns").copy()
+    open_sync(home / "runs" / "abc", home / "mlruns").copy()
 
 
 def expected(steps: range) -> list[tuple[object, ...]]:
@@ -71,8 +78,8 @@ def test_every_step_is_a_run_or_a_figure(tmp_path: Path) -> None:
         mlruns, "select key, count(*) from params where key in ('task', 'seed', 'profile', 'kind') group by key"
     )
     assert dict(shared) == dict.fromkeys(("task", "seed", "profile", "kind"), len(names))  # type: ignore[arg-type]
-    assert ("evaluation", 0, 1.0) in points(mlruns, "success")
-    assert [row[2] for row in points(mlruns, "refinements")] == [2.0]
+    assert [value for name, _, value in points(mlruns, "success") if name == "evaluation"] == [1.0]
+    assert [row[2] for row in points(mlruns, "refinements")] == [1.0, 2.0, 2.0]
     parents = rows(mlruns, "select count(*) from tags where key = 'mlflow.parentRunId'")
     assert parents == [(len(names) - 1,)]
     ((digest,),) = rows(mlruns, "select digest from datasets")
@@ -110,7 +117,7 @@ def test_another_store_is_filled_from_the_start(tmp_path: Path) -> None:
     copy(tmp_path)
     tell(listening, range(3, 6))
     other = empty_store(tmp_path / "other")
-    open_copier(tmp_path / "runs" / "abc", other).copy()
+    open_sync(tmp_path / "runs" / "abc", other).copy()
     assert points(other, CURVE) == expected(range(6))
     copy(tmp_path)
     assert points(tmp_path / "mlruns", CURVE) == expected(range(6))
@@ -220,7 +227,7 @@ def test_a_resumed_run_has_one_result(tmp_path: Path) -> None:
     assert run(scripted(), tmp_path) == resumed
     (journal,) = (tmp_path / "data" / "runs").glob("*/journal.jsonl")
     told = [r["key"] for _, r in read_records(journal) if r["run"] == "" and r["kind"] == "metric"]
-    assert told.count("wall_seconds") == told.count("success") == 1
+    assert told.count("wall_seconds") == told.count("evaluation_steps") == 1
 
 
 def delete_experiment(home: Path) -> MlflowClient:

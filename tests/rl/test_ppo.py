@@ -6,19 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from carry_world import HOLD, PROGRAM, Carry
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.config import PpoConfig
+from roboscribe.rl.learner import LearnerTask
 from roboscribe.rl.observation import observation_spec
-from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import Judge, Verdict
+from roboscribe.rl.skill_env import SkillEvaluator, Verdict
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Subtask
+from tests.rl.carry_world import HOLD, PROGRAM, Carry
 
 TASK = Carry()
 SMALL = PpoConfig(worlds=8, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=1)
@@ -29,7 +30,7 @@ def problem(limit: int = 15, target: float = 2.0, budget: int = 320) -> tuple[Le
     pool, _ = collect_starts(Prefix(PROGRAM, (0,), {}, {}), TASK, 24, np.arange(24), np.random.default_rng(0))
     held_out, training = pool.split(8)
     world = TASK.world(8)
-    task = LearnerTask(subtask, training, Judge(subtask, held_out, world), target, budget)
+    task = LearnerTask(subtask, training, SkillEvaluator(subtask, held_out, world), target, budget)
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, TASK.layout)
     fitted = spec.fitted(TASK.layout, pool.states, pool.entities)
     return task, initial_skill(Skill("hold", fitted, (), TASK.layout), 2, (32, 32), 0)

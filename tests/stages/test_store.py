@@ -12,8 +12,8 @@ from time import sleep
 import pytest
 
 from roboscribe.errors import ArtifactError
-from stages.progress import Report
-from stages.store import MANIFEST, METRICS, PROGRESS, Inputs, Stage, Store
+from roboscribe.stages.runtime.progress import ProgressCallback
+from roboscribe.stages.runtime.store import MANIFEST, METRICS, PROGRESS, Inputs, Stage, Store
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Counting:
         self._then = then
         self.stage = Stage("multiply", Config, self._run)
 
-    def _run(self, config: Config, inputs: Inputs, out: Path, report: Report) -> None:
+    def _run(self, config: Config, inputs: Inputs, out: Path, report: ProgressCallback) -> None:
         self.runs += 1
         (out / "product.txt").write_text(str(config.factor * int(inputs["number"].read_text())))
         self._then(out)

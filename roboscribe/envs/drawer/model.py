@@ -60,7 +60,8 @@ def _xml(cubes: int) -> str:
 def _spec(cubes: int) -> mujoco.MjSpec:
     """Read the scene, without robosuite's markers, its sensors, and the weight of the robot's own parts.
 
-    robosuite computes the torques that hold the robot's weight; here gravity does not pull at it.
+    Where the cabinet stands belongs to the state, so that one model serves every episode. robosuite
+    computes the torques that hold the robot's weight; here gravity does not pull at it.
     """
     spec = mujoco.MjSpec.from_string(_xml(cubes))
     for name in MARKERS:
@@ -70,6 +71,7 @@ def _spec(cubes: int) -> mujoco.MjSpec:
     for body in spec.bodies:
         if body.name.startswith(ROBOT_PARTS):
             body.gravcomp = 1.0
+    spec.body("cabinet_main").mocap = True
     return spec
 
 
@@ -124,6 +126,8 @@ class Places:
         self.motors: IntArray = np.array([driven[model.joint(name).id] for name in JOINTS])
         self.grippers: IntArray = np.array([driven[model.joint(name).id] for name in FINGERS])
         self.controls = control
+        self.cabinet: IntArray = columns(model, int(mujoco.mjtState.mjSTATE_MOCAP_POS))
+        self.placed: IntArray = np.append(self.cabinet, columns(model, int(mujoco.mjtState.mjSTATE_MOCAP_QUAT)))
         self.grip_column = int(control[self.grippers[0]])
         ranges = model.actuator_ctrlrange
         self.torque_limit: FloatArray = ranges[self.motors, 1]

@@ -35,8 +35,12 @@ AROUND = 0.014
 """The hand is around a cube within this distance, m."""
 GRIP, LOOSE = (0.039, 0.041), 0.050
 """Opening at which fingers have closed on a cube, and begin to; wider than the last they do not hold it, m."""
-ABOVE_SLOT, RELEASE = 0.005, 0.012
-"""A cube is let go this high above its slot, within this distance of there, m; it takes the fingers half a second."""
+ABOVE_SLOT, RELEASE = 0.005, 0.018
+"""A cube is let go within the second distance of a place this high above its slot, m; it takes the fingers half a
+second."""
+GENTLE = 0.5
+"""Share of the way that is still made while letting go: cubes lie up to 1.5 cm off, as the drawer has room for, and a
+learner need not be more exact than that."""
 SPREAD = np.array([0.15, 0.15, 0.15, 0.15])
 """Standard deviation of the demonstrator's noise, in actions."""
 CALM, CLOSE = 0.5, 0.04
@@ -84,7 +88,7 @@ def command(states: FloatArray, crossing: float = CROSSING) -> FloatArray:
     objects = states[:, geometry.BEFORE_CUBES :].reshape(len(states), -1, 6)
     cubes, slots = objects[..., :3], objects[..., 3:]
     held = (np.linalg.norm(cubes - hand[:, None], axis=2) < 1.5 * AROUND) & (opening < LOOSE)[:, None]
-    left = held | ~geometry.inside(cubes, extension)
+    left = held | ~geometry.inside(cubes, bar)
     busy = left.any(axis=1)
     drawer = _operate(hand, bar, np.where(busy, extension - geometry.TRAVEL, extension - goal), crossing)
     chosen = np.arange(len(states)), nearest(hand, cubes, left)
@@ -126,7 +130,7 @@ def _serve(hand: FloatArray, opening: FloatArray, cube: FloatArray, slot: FloatA
     above = slot + np.array([0.0, 0.0, ABOVE_SLOT])
     release = np.linalg.norm(cube - above, axis=1) < RELEASE
     closed = ramp(-opening, -GRIP[1], -GRIP[0])[:, None]
-    carry = np.where(release[:, None], above - cube, closed * way(cube, above, crossing))
+    carry = np.where(release[:, None], GENTLE * (above - cube), closed * way(cube, above, crossing))
     move = np.where(
         around[:, None], np.where((closed > 0) | release[:, None], carry, cube - hand), way(hand, cube, crossing)
     )

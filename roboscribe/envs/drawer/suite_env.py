@@ -104,24 +104,30 @@ class PlaceCubesDrawer(ManipulationEnv):  # type: ignore[misc]
         self.cubes = self.model.mujoco_objects[1:]
 
     def _reset_internal(self) -> None:
-        """Shut the drawer and put the cubes where the environment's own random numbers say."""
+        """Put cabinet, drawer and cubes where the environment's own random numbers say."""
         # Drawn before the robot draws its noise: the same numbers give the same start as in the batched world.
         episode = geometry.draw(self.rng, self.cubes_count)
         super()._reset_internal()
         self.place(episode)
 
     def place(self, episode: geometry.Episode) -> None:
-        """Put the cubes where an episode begins, and remember their goals."""
+        """Put everything where an episode begins, and remember the cubes' goals."""
         self.episode = episode
         height = geometry.CABINET_TOP + geometry.HALF_CUBE
         for cube, place in zip(self.cubes, episode.places, strict=True):
             self.sim.data.set_joint_qpos(cube.joints[0], np.array([*place, height, 1.0, 0.0, 0.0, 0.0]))
-        self.sim.data.set_joint_qpos("cabinet_slide", 0.0)
+        self.sim.model.body_pos[self.sim.model.body_name2id("cabinet_main")] = episode.cabinet
+        self.sim.data.set_joint_qpos("cabinet_slide", episode.ajar)
 
     @property
     def extension(self) -> float:
         """How far the drawer is open, m."""
         return float(self.sim.data.get_joint_qpos("cabinet_slide"))
+
+    @property
+    def bar(self) -> FloatArray:
+        """Middle (3,) of the drawer's handle."""
+        return np.array(self.sim.data.get_site_xpos("cabinet_handle"))
 
     @property
     def cube_positions(self) -> FloatArray:
@@ -130,9 +136,8 @@ class PlaceCubesDrawer(ManipulationEnv):  # type: ignore[misc]
 
     def _check_success(self) -> bool:
         """Tell whether every cube is in the drawer, and the drawer shut where it has to be."""
-        extension = self.extension
-        done = bool(geometry.inside(self.cube_positions, np.array(extension)).all())
-        return done and (extension < geometry.SHUT or not self.closed)
+        done = bool(geometry.inside(self.cube_positions, self.bar).all())
+        return done and (self.extension < geometry.SHUT or not self.closed)
 
     def _setup_observables(self) -> dict[str, Observable]:
         """Add handle, extension, cubes and goals to the robot's observables."""
@@ -151,7 +156,7 @@ class PlaceCubesDrawer(ManipulationEnv):  # type: ignore[misc]
             return lambda _: np.asarray(self.episode.goals[index]).copy()
 
         found: dict[str, Callable[[object], FloatArray]] = {
-            "drawer_pos": lambda _: np.array(self.sim.data.get_site_xpos("cabinet_handle")),
+            "drawer_pos": lambda _: self.bar,
             "drawer_extension": lambda _: np.array([self.extension]),
         }
         indices = range(self.cubes_count)

@@ -80,6 +80,7 @@ class DrawerWorld(World):
         states = np.repeat(self._start[None], len(rows), axis=0)
         for i, (row, seed) in enumerate(zip(rows, seeds, strict=True)):
             episode = geometry.draw(np.random.default_rng(int(seed)), self._cubes)
+            states[i, self._places.cabinet], states[i, self._places.extension] = episode.cabinet, episode.ajar
             states[i, self._places.cubes[:, :2]] = episode.places
             self._goals[row] = episode.goals
         self.engine.put(rows, states, np.zeros((len(rows), self.engine.sensors.shape[1])))
@@ -100,7 +101,8 @@ class DrawerWorld(World):
         pose = self._chain.pose(_picked(states, self._places.arm))
         turn = rotate(servo(pose.rotation) * MOST_TURN)
         goal = (pose.hand + geometry.REACH * actions[:, :3], turn @ pose.rotation)
-        control = np.empty((len(rows), len(self._places.controls)))
+        motors = np.empty((len(rows), len(self._places.controls)))
+        control = np.concatenate([motors, states[:, self._places.placed]], axis=1)
         control[:, self._places.grippers] = self._grip(states, actions[:, 3])
         for _ in range(self.timing.evaluations):
             states = self.engine.states[rows]
@@ -128,8 +130,9 @@ class DrawerWorld(World):
         speed = (pose.jacobian @ _picked(states, places.arm_speed)[..., None])[:, :3, 0]
         opening = geometry.PADS + states[:, places.left] - states[:, places.right]
         extension = states[:, places.extension]
+        drawer = geometry.drawer_columns(states[:, places.cabinet], extension, self._goal_extension)
         cubes = np.concatenate([states[:, places.cubes[:, :3]], self._goals[rows]], axis=2)
-        parts = [pose.hand, opening[:, None], speed, geometry.drawer_columns(extension, self._goal_extension)]
+        parts = [pose.hand, opening[:, None], speed, drawer]
         return np.concatenate([*parts, cubes.reshape(len(rows), -1)], axis=1)
 
     def diverged(self, rows: IntArray) -> BoolArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -139,7 +140,7 @@ class Bench:
         self._gripper.current_action = fingers.copy()
         self._controller.initial_joint = rest.copy()
         if goals:
-            self.env.episode = type(self.env.episode)(self.env.episode.places, goals[0].reshape(-1, 3))
+            self.env.episode = replace(self.env.episode, goals=goals[0].reshape(-1, 3))
         mujoco.mj_setState(model, data, physics, INTEGRATION)
         state = self.observe()
         mujoco.mj_setState(model, data, physics, INTEGRATION)

@@ -31,12 +31,14 @@ class SuiteRequest:
         robot: one of robosuite's arms.
         controller: `HELD`, or one of `MEMORYLESS`.
         cubes: how many, of PlaceCubesDrawer.
+        closed: whether its drawer has to be shut at the end.
     """
 
     environment: str
     robot: str = "Panda"
     controller: str = HELD
     cubes: int = 3
+    closed: bool = False
 
     @property
     def held(self) -> bool:
@@ -54,8 +56,10 @@ def parse(text: str) -> SuiteRequest:
     request = SuiteRequest(environment, "Sawyer" if environment == DRAWER else "Panda")
     for option in options:
         key, _, value = option.partition("=")
-        if key not in ("robot", "controller") + ("cubes",) * (environment == DRAWER) or not value:
-            msg = f"robosuite:{text}: option {option!r}, expected robot=NAME or controller=NAME"
+        own = {"cubes": "cubes=N", "closed": "closed=yes"} if environment == DRAWER else {}
+        known = {"robot": "robot=NAME", "controller": "controller=NAME"} | own
+        if key not in known or not value:
+            msg = f"robosuite:{text}: option {option!r}, expected {' or '.join(known.values())}"
             raise TaskError(msg)
         request = _with(request, key, value)
     if request.controller not in (HELD, *MEMORYLESS):
@@ -68,12 +72,17 @@ def _with(request: SuiteRequest, key: str, value: str) -> SuiteRequest:
     """Set one option.
 
     Raises:
-        TaskError: a number of cubes that is none.
+        TaskError: a number of cubes that is none, or neither yes nor no.
     """
     if key == "robot":
         return replace(request, robot=value)
     if key == "controller":
         return replace(request, controller=value)
+    if key == "closed":
+        if value not in ("yes", "no"):
+            msg = f"robosuite:{DRAWER}: closed={value}, expected yes or no"
+            raise TaskError(msg)
+        return replace(request, closed=value == "yes")
     if not value.isdecimal():
         msg = f"robosuite:{DRAWER}: {value} cubes, expected a number"
         raise TaskError(msg)
@@ -125,7 +134,7 @@ def build(request: SuiteRequest) -> Any:  # noqa: ANN401 - robosuite has no type
     options: dict[str, Any] = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False}
     options |= {"hard_reset": False, "ignore_done": True, "renderer": "mujoco", "seed": 0, "control_freq": 20}
     if request.environment == DRAWER:
-        options["cubes"] = request.cubes
+        options |= {"cubes": request.cubes, "closed": request.closed}
     else:
         config = load_composite_controller_config(controller="BASIC", robot=request.robot)
         if not request.held:

@@ -156,8 +156,7 @@ def _drawer_view(env: Any) -> View:  # noqa: ANN401
         place = np.array(env.sim.data.site_xpos[hand_site(env)])
         left, right = (env.sim.data.get_joint_qpos(f"gripper0_right_{side}_finger_joint") for side in "lr")
         gap = np.array([geometry.PADS + left - right])
-        goal = 0.0 if env.closed else geometry.TRAVEL
-        drawer = geometry.drawer_columns(np.array([env.extension]), goal)[0]
+        drawer = np.array([*env.bar, env.extension, 0.0 if env.closed else geometry.TRAVEL])
         cubes = np.concatenate([env.cube_positions, env.episode.goals], axis=1)
         return np.concatenate([place, gap, hand_velocity(env), drawer, cubes.ravel()])
 

@@ -14,8 +14,6 @@ from roboscribe.envs.scene_painter import ScenePainter
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, Layout
 
-STEPS_FOR_DRAWER, STEPS_PER_CUBE = 60, 110
-
 
 @dataclass(frozen=True)
 class PlaceCubes(ScriptedTask):
@@ -74,5 +72,4 @@ class PlaceCubes(ScriptedTask):
 def place_cubes(request: Request) -> PlaceCubes:
     """Make the task of N cubes."""
     cubes, closed = request.number, request.name.endswith("-closed")
-    horizon = STEPS_FOR_DRAWER * (1 + closed) + STEPS_PER_CUBE * cubes
-    return PlaceCubes(request.name, cubes, request.timing, closed, horizon)
+    return PlaceCubes(request.name, cubes, request.timing, closed, geometry.horizon(cubes, closed))

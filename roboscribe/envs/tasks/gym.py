@@ -1,71 +1,52 @@
-"""Unmodified environments of gymnasium-robotics as tasks: an outside check on everything learned here."""
+"""Unmodified environments of gymnasium-robotics as tasks: an outside check on everything learned here.
+
+`gym:NAME` takes any of its goal-conditioned environments with a hand: FetchReach, FetchPush, FetchSlide and
+FetchPickAndPlace, with sparse or dense rewards, which nothing here looks at. Others are refused with the reason.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, ClassVar
+from functools import partial
+from typing import Any, ClassVar
 
-import mujoco
 import numpy as np
 
-from roboscribe.envs import fetch, multi_block_demonstrator, push_demonstrator
+from roboscribe.envs import fetch, goal_env, multi_block_demonstrator, push_demonstrator, reach_demonstrator
 from roboscribe.envs.catalogue import Request, register
 from roboscribe.envs.demonstrator import Script, ScriptedTask
-from roboscribe.envs.engine import INTEGRATION, integration_state
-from roboscribe.envs.fetch_world import at_goals
+from roboscribe.envs.fetch_world import TOLERANCE, at_goals
+from roboscribe.envs.goal_env import PREFIX, kind
 from roboscribe.envs.serial_world import SerialWorld
-from roboscribe.errors import TaskError
 from roboscribe.world.layout import BoolArray, FloatArray, Layout
+from roboscribe.world.task import Task
 
-if TYPE_CHECKING:
-    import gymnasium
-
-CONTROL_STEP = 1 / fetch.FREQUENCY
-HAND = "robot0:gripper_link"
-PREFIX = "gym:"
-
-
-def make_env(name: str, horizon: int) -> gymnasium.Env[dict[str, FloatArray], FloatArray]:
-    """Build an environment with its own time limit moved to `horizon` control steps.
-
-    Raises:
-        TaskError: there is no such environment.
-    """
-    import gymnasium
-    import gymnasium_robotics  # prints a notice when it is imported, which has no place in a list of tasks
-
-    gymnasium.register_envs(gymnasium_robotics)
-    return gymnasium.make(name, max_episode_steps=horizon, disable_env_checker=True)
+SCRIPTS = {
+    "FetchPickAndPlace": multi_block_demonstrator.SINGLE,
+    "FetchPush": push_demonstrator.PUSH,
+    "FetchReach": reach_demonstrator.REACH,
+}
+"""What solves each environment, whatever its rewards and its version; how a puck is to be slid no script knows."""
+HORIZONS = {"FetchReach": 50}
+"""Control steps of an episode; others have `LONG`."""
+LONG = 100
 
 
-def state_of(observation: Mapping[str, FloatArray]) -> FloatArray:
-    """Turn an observation into a flat state (19,) of the one-block scene.
-
-    The environment gives displacements per control step, the block's relative to the hand's; states hold m/s.
-    """
-    seen = observation["observation"]
-    hand_speed = seen[20:23] / CONTROL_STEP
-    block_speed = seen[14:17] / CONTROL_STEP + hand_speed
-    opening = seen[9:11].sum(keepdims=True)
-    goal = observation["desired_goal"]
-    return np.concatenate([seen[:3], opening, hand_speed, seen[3:6], seen[11:14], block_speed, goal])
+LISTED = tuple(f"{PREFIX}{name}-v4" for name in (*SCRIPTS, "FetchSlide"))
 
 
 @dataclass(frozen=True)
-class GymFetch(ScriptedTask):
-    """An environment of the Fetch robot with one block, asked the same question as our task of one block.
+class GymTask(Task):
+    """An environment of the Fetch robot, asked the same question as our tasks of one block.
 
     Args:
         name: name in the catalogue.
-        scripted: what solves it.
         horizon: control steps of an episode.
     """
 
     name: str
-    scripted: Script
-    horizon: int = 100
+    horizon: int = LONG
     action_size: int = 4
     frequency: float = fetch.FREQUENCY
     most_rows: ClassVar[int] = 8
@@ -75,83 +56,47 @@ class GymFetch(ScriptedTask):
         """Its name in Gymnasium."""
         return self.name.removeprefix(PREFIX)
 
-    @cached_property
+    @property
     def layout(self) -> Layout:
         """Meaning of a state's columns."""
-        return fetch.layout(fetch.Scene())
+        return goal_env.layout(self.environment)
 
     def solved(self, states: FloatArray) -> BoolArray:
-        """ψ_R: the block at its goal; states (..., F), returns (...)."""
-        return at_goals(states)
+        """ψ_R: the object at its goal, or the hand where it has to be; states (..., F), returns (...)."""
+        if goal_env.has_object(self.environment):
+            return at_goals(states)
+        reached: BoolArray = np.linalg.norm(states[..., 7:10] - states[..., :3], axis=-1) < TOLERANCE
+        return reached
 
     def world(self, batch: int) -> SerialWorld:
         """Build a world of `batch` environments."""
-        return SerialWorld(partial(GymSimulator, self), batch)
+        return SerialWorld(partial(goal_env.GymSimulator, self.environment, self.horizon), batch)
 
     def read(self, observation: Any) -> FloatArray:  # noqa: ANN401 - as declared
         """Turn what the environment observes into a state (F,); a state stays as it is."""
         own = isinstance(observation, Mapping) and "desired_goal" in observation
-        return super().read(state_of(observation) if own else observation)
+        return super().read(goal_env.state_of(observation) if own else observation)
+
+
+@dataclass(frozen=True)
+class ScriptedGymTask(GymTask, ScriptedTask):
+    """An environment of the Fetch robot for which there is a script."""
 
     @property
     def script(self) -> Script:
         """What the demonstrator does."""
-        return self.scripted
+        return SCRIPTS[kind(self.environment)]
 
 
-SCRIPTS = {"FetchPickAndPlace-v4": multi_block_demonstrator.SINGLE, "FetchPush-v4": push_demonstrator.PUSH}
-"""What solves each environment."""
+@register(f"{PREFIX}NAME", examples=LISTED)
+def gym_task(request: Request) -> GymTask:
+    """Make a task of an environment of gymnasium-robotics.
 
-
-@register(*(PREFIX + name for name in SCRIPTS))
-def gym_fetch(request: Request) -> GymFetch:
-    """Make a task of an environment of gymnasium-robotics."""
-    return GymFetch(request.name, SCRIPTS[request.name.removeprefix(PREFIX)])
-
-
-class GymSimulator:
-    """One environment and its last state."""
-
-    def __init__(self, task: GymFetch) -> None:
-        """Build the environment."""
-        self.env = make_env(task.environment, task.horizon)
-        # The adapter needs the simulation behind the environment's interface: its attributes are not typed there.
-        inner: Any = self.env.unwrapped
-        self.inner = inner
-        self.hand = int(inner.model.body(HAND).id)
-        self.state = self.reset(0)
-
-    def reset(self, seed: int) -> FloatArray:
-        """Start the episode of a seed as the environment's own `reset(seed=...)` does."""
-        observation, _ = self.env.reset(seed=seed)
-        self.state = state_of(observation)
-        return self.state
-
-    def step(self, action: FloatArray) -> FloatArray:
-        """Step; NaN where physics broke (MuJoCo resets the clock of a bad state)."""
-        clock = float(self.inner.data.time)
-        observation = self.env.step(action)[0]
-        on_time = abs(self.inner.data.time - clock - CONTROL_STEP) < 1e-6
-        self.state = state_of(observation) if on_time else np.full_like(self.state, np.nan)
-        return self.state
-
-    def save(self) -> FloatArray:
-        """Return integration state, the hand's pose (the next action starts from it) and the state."""
-        data = self.inner.data
-        pose = (data.xpos[self.hand], data.xquat[self.hand])
-        return np.concatenate([integration_state(self.inner.model, data), *pose, self.state])
-
-    def load(self, snapshot: FloatArray) -> FloatArray:
-        """Put the environment back into a saved state."""
-        model, data = self.inner.model, self.inner.data
-        physics, pose, state = np.split(snapshot, np.cumsum([mujoco.mj_stateSize(model, INTEGRATION), 7]))
-        if state.shape != self.state.shape:
-            msg = f"a snapshot of {len(snapshot)} numbers: expected {len(physics) + 7 + self.state.size}"
-            raise TaskError(msg)
-        mujoco.mj_setState(model, data, physics, INTEGRATION)
-        mujoco.mj_forward(model, data)
-        mujoco.mj_setState(model, data, physics, INTEGRATION)
-        data.xpos[self.hand], data.xquat[self.hand] = pose[:3], pose[3:]
-        self.state = state.copy()
-        self.inner.goal = state[-3:].copy()
-        return self.state
+    Raises:
+        TaskError: there is no such environment, or it cannot be a task.
+    """
+    environment = request.blanks[0]
+    if request.name not in LISTED:  # looking the others up takes a second
+        goal_env.check(environment)
+    made = ScriptedGymTask if kind(environment) in SCRIPTS else GymTask
+    return made(request.name, HORIZONS.get(kind(environment), LONG))

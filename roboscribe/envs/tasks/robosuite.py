@@ -21,8 +21,8 @@ from roboscribe.envs.suite.world import SuiteWorld
 from roboscribe.world.layout import ROBOT, BoolArray, FloatArray, Layout
 from roboscribe.world.task import Task
 
-HORIZONS = {"Lift": 120, "Stack": 220, DRAWER: 390}
-"""Control steps of an episode; other environments' have `LONG`."""
+HORIZONS = {"Lift": 120, "Stack": 220}
+"""Control steps of an episode; other environments' have `LONG`, PlaceCubesDrawer what its cubes take."""
 LONG = 500
 SCRIPTED_ROBOT = "Panda"
 """The scripts of Lift and Stack know its fingers."""
@@ -86,8 +86,8 @@ class SuiteDrawer(ScriptedSuiteTask):
         return SCRIPT
 
     def solved(self, states: FloatArray) -> BoolArray:
-        """ψ_R: every cube in the drawer; states (..., F), returns (...)."""
-        return geometry.solved(states, self.request.cubes, closed=False)
+        """ψ_R: every cube in the drawer, shut where it has to be; states (..., F), returns (...)."""
+        return geometry.solved(states, self.request.cubes, self.request.closed)
 
 
 @register("robosuite:NAME", examples=("robosuite:Lift",))
@@ -101,7 +101,7 @@ def robosuite_task(request: Request) -> Task:
     horizon, one = HORIZONS.get(wanted.environment, LONG), bench(wanted)
     made: type[SuiteTask] = SuiteTask
     if wanted.environment == DRAWER:
-        made = SuiteDrawer
+        made, horizon = SuiteDrawer, geometry.horizon(wanted.cubes, wanted.closed)
     elif wanted.environment in SCRIPTS and wanted.held and wanted.robot == SCRIPTED_ROBOT:
         made = ScriptedSuiteTask
     return made(request.name, wanted, horizon, one.action_size, one.frequency)

@@ -1,0 +1,1 @@
+"""What happened in a run: its event log, and its copy in MLflow."""
