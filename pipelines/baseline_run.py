@@ -32,7 +32,7 @@ from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.steps import RunStage
 from roboscribe.stages.tracking.source import source_tags
-from roboscribe.stages.tracking.tracker import Tracker
+from roboscribe.stages.tracking.tracker import SECONDS, Tracker
 
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
 """Modules whose code a run depends on."""
@@ -202,8 +202,9 @@ class BaselineRun:
                 work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)
             except BaseException as error:
-                tracker.status("KILLED" if isinstance(error, KeyboardInterrupt | SystemExit) else "FAILED")
-                tracker.close(timeout=30.0)
+                killed = isinstance(error, KeyboardInterrupt | SystemExit)
+                tracker.status("KILLED" if killed else "FAILED")
+                tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
             if isinstance(result, Fail):
@@ -211,8 +212,8 @@ class BaselineRun:
                 tracker.close()
                 return result
             tracker.keep(Path(str(result["program_dir"])))
-            figures = {name: float(str(result[name])) for name in TRACKED}
-            tracker.result({**figures, "wall_seconds": seconds}, int(str(result["env_steps"])))
+            figures = {**{name: float(str(result[name])) for name in TRACKED}, SECONDS: seconds}
+            tracker.result(figures, int(str(result["env_steps"])))
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
@@ -269,7 +270,7 @@ class BaselineRun:
         given = self.plan.demonstrations
         digest = None if given is None or not given.is_file() else sha256_of(given)
         plan = encode(replace(self.plan, demonstrations=None))
-        code: list[Json] = [code_version(name) for name in STAGES]
+        code: list[Json] = [*map(code_version, STAGES), self.plan.task.code()]
         text = canonical_json({"baseline": plan, "demonstrations": digest, "code": code})
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 

@@ -18,6 +18,7 @@ from rich.text import Text
 from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import RoboScribeError
 from roboscribe.pipelines.commands import baseline, data, inspection
+from roboscribe.pipelines.commands import disturb as disturb_command
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.pipelines.commands.output import FAIL, console, make_room, refuse, say, write_result
 from roboscribe.pipelines.interrupts import INTERRUPTED, Interrupts
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from roboscribe.stages.runtime.progress import ProgressCallback
     from roboscribe.world.layout import ObjectType
 
-RESUMED = ("synthesize", "paper")
+RESUMED = ("synthesize", "baseline", "paper")
 """Commands that go on where they were interrupted."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""
@@ -53,6 +54,8 @@ class EngineName(StrEnum):
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
 TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
 STYLE_HELP = "default, brisk, slow, topdown, pauses, detours, clumsy, stop (at success), linger (after it) or mixed"
+DISTURB_HELP = "noise=M (of positions, m), delay=STEPS, push=M/S, slip=PER_SECOND, knock=BLOCKS, friction=TIMES, "
+DISTURB_HELP += "mass=TIMES or size=TIMES; repeatable"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
@@ -180,12 +183,13 @@ def evaluate(
     task: TaskOption = None,
     episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = EVALUATION_EPISODES,
     seed: Seed = 0,
+    disturb: Annotated[list[str] | None, typer.Option(help=DISTURB_HELP, metavar="KIND=STRENGTH")] = None,
     json: JsonFile = None,
     contact: Contact = "stable",
     timing: Timing = "fast",
     home: HomeDir = Path(),
 ) -> None:
-    """Measure a program's success with its 95 % Wilson interval."""
+    """Measure a program's success with its 95 % Wilson interval, undisturbed or under disturbances."""
     from roboscribe.evaluation import format_success
     from roboscribe.pipelines.programs import evaluation, load_with_task
     from roboscribe.pipelines.workspace import Workspace
@@ -194,7 +198,7 @@ def evaluate(
 
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
         opened, where = load_with_task(directory, task, contact, timing)
-        result = evaluation(opened, Config(where, seed, episodes), report)
+        result = evaluation(opened, Config(where, seed, episodes), report, disturb or ())
     say(f"{where.name}: success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     failing = result["failing"]
@@ -284,7 +288,7 @@ def ui(
     mlflow_server.serve(Workspace(home), port)
 
 
-for commands in (baseline, inspection, data):
+for commands in (baseline, disturb_command, inspection, data):
     app.registered_commands += commands.app.registered_commands
 
 

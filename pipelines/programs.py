@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
@@ -44,15 +45,33 @@ def load_with_task(directory: Path, task: str | None, contact: str, timing: str)
 
 
 def evaluation(
-    program: Runnable, config: evaluate.Config, report: ProgressCallback = ignore_progress
+    program: Runnable,
+    config: evaluate.Config,
+    report: ProgressCallback = ignore_progress,
+    disturb: Sequence[str] = (),
 ) -> dict[str, Json]:
-    """Evaluate a program; returns what `roboscribe evaluate --json` writes."""
+    """Evaluate a program; returns what `roboscribe evaluate --json` writes.
+
+    Args:
+        program: what is evaluated.
+        config: where, on which episodes.
+        report: told how far it is.
+        disturb: disturbances such as "noise=0.005".
+
+    Raises:
+        TaskError: a disturbance that there is not, or that the task cannot have.
+    """
+    from roboscribe.envs.disturbed import disturbed
+
     start = perf_counter()
-    watch = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
-    found = measure(program, config.task.make(), config.seed, config.evaluation_episodes, watch)
+    on_progress = episode_progress(f"roll out {ROOT}", config.evaluation_episodes, report)
+    task = disturbed(config.task.make(), disturb)
+    found = measure(program, task, config.seed, config.evaluation_episodes, on_progress)
     figures = found.figures
     shown = {name: figures[name] for name in ("success", "episodes", "ci_low", "ci_high")}
     seconds = round(perf_counter() - start, 3)
     failing: Json = [episode for episode, *_ in failures(found.table)]
     steps = figures["control_steps"]
-    return {"task": config.task.name, **shown, "failing": failing, "env_steps": steps, "wall_seconds": seconds}
+    disturbances: dict[str, Json] = {"disturb": list(disturb)} if disturb else {}
+    named = {"task": config.task.name, **disturbances}
+    return {**named, **shown, "failing": failing, "env_steps": steps, "wall_seconds": seconds}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any, TypeAlias
@@ -16,7 +16,7 @@ from roboscribe.io.atomic import Json
 from roboscribe.runnable import Runnable
 from roboscribe.steps import wilson
 from roboscribe.subtask_tree import ROOT
-from roboscribe.world.layout import IntArray
+from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 
 WAVE = 125
@@ -67,22 +67,43 @@ def waves(
         yield rollouts
 
 
-def summary(done: list[Rollouts]) -> dict[str, Json]:
+@dataclass(frozen=True, eq=False)
+class Endings:
+    """How episodes ended, and nothing of what happened in them: thousands of them take little room.
+
+    Args:
+        success: (E,) whether each succeeded.
+        diverged: (E,) whether physics broke in it.
+        steps: (E,) control steps that it took.
+    """
+
+    success: BoolArray
+    diverged: BoolArray
+    steps: IntArray
+
+    @staticmethod
+    def of(rollouts: Rollouts) -> Endings:
+        """Return how rollouts ended."""
+        steps = np.array([len(lines) for lines in rollouts.lines], dtype=np.int64)
+        return Endings(rollouts.success, rollouts.diverged, steps)
+
+
+def summary(done: Sequence[Endings]) -> dict[str, Json]:
     """Count what happened."""
     return {
-        "successes": sum(int(rollouts.success.sum()) for rollouts in done),
-        "episodes": sum(len(rollouts.success) for rollouts in done),
-        "diverged": sum(int(rollouts.diverged.sum()) for rollouts in done),
-        "control_steps": sum(rollouts.control_steps for rollouts in done),
+        "successes": sum(int(wave.success.sum()) for wave in done),
+        "episodes": sum(len(wave.success) for wave in done),
+        "diverged": sum(int(wave.diverged.sum()) for wave in done),
+        "control_steps": sum(int(wave.steps.sum()) for wave in done),
     }
 
 
-def episode_table(done: list[Rollouts], seeds: IntArray) -> dict[str, Json]:
+def episode_table(done: Sequence[Endings], seeds: IntArray) -> dict[str, Json]:
     """List every episode: its seed, how it ended, and after how many control steps."""
     rows = [
-        [int(won), int(broken), len(lines)]
-        for rollouts in done
-        for won, broken, lines in zip(rollouts.success, rollouts.diverged, rollouts.lines, strict=True)
+        [int(won), int(broken), int(steps)]
+        for wave in done
+        for won, broken, steps in zip(wave.success, wave.diverged, wave.steps, strict=True)
     ]
     data: list[Json] = [[i, int(seed), *row] for i, (seed, row) in enumerate(zip(seeds, rows, strict=True))]
     return {"columns": ["episode", "seed", "success", "diverged", "steps"], "data": data}
@@ -137,9 +158,9 @@ class Evaluation:
 def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watch = ignore_counts) -> Evaluation:
     """Run a program on the evaluation episodes of a seed."""
     seeds = episode_seeds(seed, PURPOSE, episodes)
-    done = list(waves(program, task, seeds, watch=watch))
+    done = [Endings.of(rollouts) for rollouts in waves(program, task, seeds, watch=watch)]
     counts = summary(done)
-    won = sum(int(rollouts.success.sum()) for rollouts in done)
+    won = sum(int(wave.success.sum()) for wave in done)
     low, high = wilson(won, episodes)
     figures: dict[str, Json] = {**counts, "success": won / episodes, "ci_low": round(low, 6), "ci_high": round(high, 6)}
     return Evaluation(task.name, seed, figures, episode_table(done, seeds))

@@ -10,7 +10,7 @@ import numpy as np
 
 from roboscribe.abstraction_refinement import Outcome
 from roboscribe.defaults import CONFIRM, ROLLOUT_EPISODES
-from roboscribe.evaluation import episode_seeds, episode_table, summary, waves
+from roboscribe.evaluation import Endings, episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_runnable
@@ -56,8 +56,9 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
     )
     failures = np.concatenate([Outcome.of(rollouts).failures for rollouts in done])
     write_file(out / FAILURES, failures_bytes(failures))
-    write_json(out / EPISODES, episode_table(done, seeds))
-    write_json(out / OUTCOME, summary(done))
+    ended = [Endings.of(rollouts) for rollouts in done]
+    write_json(out / EPISODES, episode_table(ended, seeds))
+    write_json(out / OUTCOME, summary(ended))
 
 
 STAGE = Stage("roll_out", Config, run)

@@ -13,12 +13,6 @@ Figure = Callable[[str, int, int], None]
 """Told what was tried, how often it went well, and how often it was tried."""
 
 
-def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker of tests that belong to a row of the reliability table."""
-    config.addinivalue_line("markers", "row(number): belongs to a row of docs/reliability.md")
-    config.addinivalue_line("markers", "torture: takes minutes; run by `make torture` alone")
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave out what takes minutes, unless it is asked for."""
     for item in items:

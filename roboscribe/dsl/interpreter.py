@@ -19,7 +19,7 @@ from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Get, Predicate, Program, Run, While
 from roboscribe.errors import ProgramError
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
-from roboscribe.world.task import Task, World
+from roboscribe.world.task import Judge, Task, World
 from roboscribe.world.trajectory import NEVER, Trajectory
 
 __all__ = ["Controller", "Machine", "Rollouts", "Segment", "execute", "segment"]
@@ -198,7 +198,7 @@ class _Execution:
             lost |= self.machine.stuck[rows]
             success = self.machine.ended[rows] & ~self.machine.stuck[rows] & ~diverged
         else:
-            success = self.task.solved(self._states[rows]) & ~diverged
+            success = self._solved(rows) & ~diverged
         over = success | lost
         if not self.until_end:
             self.machine.advance(rows[~over], self._states[rows[~over]])
@@ -207,6 +207,9 @@ class _Execution:
         over |= self._seen(rows)
         self._finish(rows[over], success[over])
         return rows[~over], rows[over]
+
+    def _solved(self, rows: IntArray) -> BoolArray:
+        return self.world.solved(rows) if isinstance(self.world, Judge) else self.task.solved(self._states[rows])
 
     def _seen(self, rows: IntArray) -> BoolArray:
         """Show the new states of `rows` to the observer; return which (R,) it ends."""

@@ -10,6 +10,7 @@ from numpy.random import Generator
 
 from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.compile import NOWHERE, Act, Bind, Branch, End, Jump, compile_program
+from roboscribe.dsl.finished import finishing
 from roboscribe.dsl.rewrite import assigned
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Program
@@ -40,7 +41,9 @@ class Machine:
 
     Source: Fig. 14.
     Departs: `until` is confirmed over several states, and controllers time out, since single observations are noisy
-        and a learned controller may never arrive.
+        and a learned controller may never arrive. What a loop over entities has finished counts as finished until it
+        clearly is not, see `Finished`; when it then is what the loop would serve, and the present entity is not, the
+        loop goes back to its guard at once.
     """
 
     def __init__(
@@ -68,6 +71,8 @@ class Machine:
         self._resting = np.zeros(batch, dtype=np.bool_)
         self._steps = np.zeros(batch, dtype=np.int64)
         self._streak = np.zeros(batch, dtype=np.int64)
+        self._undone = np.zeros(batch, dtype=np.int64)
+        self._finished = finishing(self._code, layout, batch, solved)
         self._entities = np.full((batch, max((len(a.variables) for a in acts), default=0)), NULL, dtype=np.int64)
         self.run_index: IntArray = np.full(batch, -1, dtype=np.int64)
         """Which of `controllers(program)` acts now; after the end the last one reached, -1 if none ever was. (B,)"""
@@ -86,8 +91,10 @@ class Machine:
         """Start the program over in some rows."""
         for values in self._binding.values():
             values[rows] = NULL
-        for counts in (self._place, self._steps, self._streak, self.visit):
+        for counts in (self._place, self._steps, self._streak, self._undone, self.visit):
             counts[rows] = 0
+        for finished in self._finished.values():
+            finished.forget(rows)
         self._entities[rows] = self.served[rows] = NULL
         self.run_index[rows] = -1
         self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
@@ -114,6 +121,8 @@ class Machine:
         if not live.all():
             rows, states = rows[live], states[live]
         self._steps[rows] += 1
+        for finished in self._finished.values():
+            finished.watch(rows, states)
         for _ in range(self._most_moves):
             if not len(rows):
                 return
@@ -143,13 +152,18 @@ class Machine:
             case Act():
                 return self._act(instruction, rows, states)
             case Bind():
-                null = self._bind(instruction, rows, states)
-                self._place[rows] = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
+                sure = self._bind(instruction, place, rows, states)
+                null = self._binding[instruction.var][rows] == NULL
+                after = np.where(null & (instruction.null != NOWHERE), instruction.null, place + 1)
+                self._place[rows] = np.where(sure, after, place)
+                return sure
             case Branch(predicate, needs, otherwise):
                 true = self._holds(predicate, needs, rows, states)
                 self._place[rows] = np.where(true, place + 1, otherwise)
             case Jump(target):
                 self._place[rows] = target
+                if target in self._finished:
+                    self._finished[target].note(rows, self._served_at(target)[rows], states)
             case End():
                 self.ended[rows] = True
                 return np.zeros(len(rows), dtype=np.bool_)
@@ -171,12 +185,36 @@ class Machine:
             late = ~leaving & (self._steps[rows] >= limit)
             self._place[rows[late]] = act.head
             leaving |= late
+        if act.head in self._finished:
+            back = ~leaving & self._goes_back(act.head, rows, states)
+            self._place[rows[back]] = act.head
+            leaving |= back
         self._resting[rows[leaving]] = False
         return leaving
 
+    def _served_at(self, head: int) -> IntArray:
+        """Return which entity (B,) a loop serves."""
+        loop = self._code[head]
+        assert isinstance(loop, Bind)
+        return self._binding[loop.var]
+
+    def _goes_back(self, head: int, rows: IntArray, states: FloatArray) -> BoolArray:
+        """Tell where (R,) a loop has for some time been asking for what it had finished, not for what it serves."""
+        loop, undone = self._code[head], self._finished[head].undone(rows, states)
+        assert isinstance(loop, Bind)
+        lost = undone.any(axis=0)
+        if lost.any():
+            present = self._served_at(head)[rows[lost]]
+            candidates, fits = self._fits(loop, rows[lost], self._finished[head].believed(rows[lost], states[lost]))
+            served = (fits & (candidates[:, None] == present)).any(axis=0)
+            lost[lost] = (fits & undone[candidates][:, lost]).any(axis=0) & ~served
+        self._undone[rows] = np.where(lost, self._undone[rows] + 1, 0)
+        back: BoolArray = self._undone[rows] >= self._confirm
+        return back
+
     def _arrive(self, act: Act, rows: IntArray) -> None:
         self._resting[rows] = True
-        self._steps[rows] = self._streak[rows] = 0
+        self._steps[rows] = self._streak[rows] = self._undone[rows] = 0
         self.run_index[rows] = act.index
         self.visit[rows] += 1
         loop = self._code[act.head] if act.head != NOWHERE else None
@@ -185,24 +223,37 @@ class Machine:
         for column, name in enumerate(act.variables):
             self._entities[rows, column] = self._lookup(name, rows)
 
-    def _bind(self, bind: Bind, rows: IntArray, states: FloatArray) -> BoolArray:
-        """Bind a variable in every row; return where it became null (R,)."""
+    def _bind(self, bind: Bind, place: int, rows: IntArray, states: FloatArray) -> BoolArray:
+        """Bind a variable in every row; return where (R,) the answer is sure, elsewhere to be asked for again.
+
+        A loop that believes everything finished, but does not see it so, looks again before it ends.
+        """
+        believed = self._finished[place].believed(rows, states) if place in self._finished else states
+        candidates, fits = self._fits(bind, rows, believed)
+        chosen = np.full(len(rows), NULL, dtype=np.int64)
+        found = fits.any(axis=0)
+        if found.any():
+            chosen[found] = candidates[self._preference(bind.var, fits, rows).argmax(axis=0)[found]]
+        self._binding[bind.var][rows] = chosen
+        if place in self._finished:
+            self._finished[place].take_up(rows[found], chosen[found])
+        for row, entity in zip(rows[found], chosen[found], strict=True):
+            if entity not in self.bound[row]:
+                self.bound[row].append(int(entity))
+        sure: BoolArray = np.ones(len(rows), dtype=np.bool_)
+        if believed is not states and not found.all():
+            sure[~found] = ~self._fits(bind, rows[~found], states[~found])[1].any(axis=0)
+        return sure
+
+    def _fits(self, bind: Bind, rows: IntArray, states: FloatArray) -> tuple[IntArray, BoolArray]:
+        """List the entities (N,) of the type that is asked for, and which of them (N, R) are answers in each row."""
         candidates = np.array(self._layout.of_type(bind.type), dtype=np.int64)
         binding: dict[str, IntArray | int] = {name: self._lookup(name, rows) for name in bind.needs}
         fits = np.zeros((len(candidates), len(rows)), dtype=np.bool_)
         for rank, entity in enumerate(candidates):
             binding[bind.var] = int(entity)
             fits[rank] = holds(bind.where, states, binding, self._layout, self._solved)
-        chosen = np.full(len(rows), NULL, dtype=np.int64)
-        found = fits.any(axis=0)
-        if found.any():
-            chosen[found] = candidates[self._preference(bind.var, fits, rows).argmax(axis=0)[found]]
-        self._binding[bind.var][rows] = chosen
-        for row, entity in zip(rows[found], chosen[found], strict=True):
-            if entity not in self.bound[row]:
-                self.bound[row].append(int(entity))
-        null: BoolArray = chosen == NULL
-        return null
+        return candidates, fits
 
     def _preference(self, var: str, fits: BoolArray, rows: IntArray) -> FloatArray:
         """Say which of the entities (N, R) that fit is taken: the one with the greatest number."""

@@ -186,6 +186,14 @@ def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Ta
     raise TaskError(msg)
 
 
+def origin_of(name: str) -> Path | Maker | None:
+    """Return what makes a task: the file that its name names, or the function of its family; None for neither."""
+    if (place := IN_FILE.fullmatch(name)) is not None:
+        return Path(place[1])
+    requests = ((family, family.request(name, CONTACTS[0], TIMINGS[0])) for family in _families())
+    return next((family.make for family, request in requests if request is not None), None)
+
+
 def _task_in_file(name: str, path: Path, attribute: str) -> Task:
     """Take a task, or a class of one without arguments, out of a file.
 

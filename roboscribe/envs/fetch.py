@@ -86,10 +86,12 @@ class Scene:
     Args:
         shapes: the objects.
         pushing: the fingers stay closed and the hand starts at the table, as in FetchPush.
+        friction: of everything, in multiples of the file's.
     """
 
     shapes: tuple[Shape, ...] = (BLOCK,)
     pushing: bool = False
+    friction: float = 1.0
 
     @staticmethod
     def of_blocks(count: int, *, pushing: bool = False) -> Scene:
@@ -209,6 +211,7 @@ def base_model(scene: Scene) -> mujoco.MjModel:
         _add_object(spec, index, shape)
     _add_sensors(spec, len(scene.shapes))
     model = spec.compile()
+    model.geom_friction[:] *= scene.friction
     # As gymnasium-robotics does before its first step: the mocap shall coincide with the hand it is welded to.
     model.eq_data[model.eq_type == mujoco.mjtEq.mjEQ_WELD, :7] = [0, 0, 0, 0, 0, 0, 1]
     return model

@@ -119,18 +119,20 @@ class FetchWorld(World):
         task: scene and options.
         batch: B.
         threads: simulation threads.
+        scene: another than the task's, with as many objects.
     """
 
-    def __init__(self, task: FetchTask, batch: int, threads: int = 2) -> None:
+    def __init__(self, task: FetchTask, batch: int, threads: int = 2, scene: fetch.Scene | None = None) -> None:
         """Build the engine; no row holds a state yet."""
-        model = fetch.fetch_model(task.scene, task.contact, task.timing)
+        scene = scene or task.scene
+        model = fetch.fetch_model(scene, task.contact, task.timing)
         self.task = task
         self.batch = batch
         self.control_steps = 0
         self.engine = Engine(model, batch, fetch.TIMINGS[task.timing], threads)
-        count = len(task.scene.shapes)
+        count = len(scene.shapes)
         self._places = fetch.Places(model, count)
-        self._start = fetch.settled(task.scene)
+        self._start = fetch.settled(scene)
         self._goals = np.full((batch, count, 3), np.nan)
 
     def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
@@ -160,6 +162,21 @@ class FetchWorld(World):
     def observe(self, rows: IntArray) -> FloatArray:
         """Return the present states (R, F) of `rows`."""
         return fetch.observe(self._places, self.engine.states[rows], self.engine.sensors[rows], self._goals[rows])
+
+    @property
+    def middle(self) -> FloatArray:
+        """Where on the table episodes take place (2,), m."""
+        return self._start.grip[:2]
+
+    def push(self, row: int, index: int, velocity: FloatArray) -> None:
+        """Add a horizontal velocity (2,), m/s, to an object's own."""
+        self.engine.states[row, self._places.block_speed[index, :2]] += velocity
+
+    def put_back(self, row: int, index: int, place: FloatArray) -> None:
+        """Lay an object on the table at a place (2,), m, at rest."""
+        pose = [*place, self._start.heights[index], 1.0, 0.0, 0.0, 0.0]
+        self.engine.states[row, self._places.block_pose[index]] = pose
+        self.engine.states[row, self._places.block_speed[index]] = 0.0
 
     def diverged(self, rows: IntArray) -> BoolArray:
         """Which of `rows` left physics."""

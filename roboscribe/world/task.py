@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,14 @@ class World(Protocol):
 
     def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
         """Put `rows` into saved states (R, S), of any row or world of the same task. Returns (R, F)."""
+
+
+@runtime_checkable
+class Judge(Protocol):
+    """A world that knows better than the states that it shows, which have errors."""
+
+    def solved(self, rows: IntArray) -> BoolArray:
+        """ψ_R of what is in `rows` (R,), whatever is seen."""
 
 
 class Painter(Protocol):

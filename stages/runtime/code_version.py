@@ -56,69 +56,80 @@ def code_version(module: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def task_version(task: object) -> str:
+def task_version(task: object, *origin: object) -> str:
     """Hash the sources that make a task what it is, wherever they lie.
 
     A task of this project counts with all that its module imports; one of another package with every file of that
     package; one in a file of its own with the file, what it imports of its own directory, and the files that it names
-    there. So do the classes that it extends, and the tasks and functions that it holds. Of other packages that are
-    imported the version counts.
+    there. So do the classes that it extends, and the tasks, functions and plain values that it holds. Of other packages
+    that are imported the version counts.
 
     Args:
         task: the task.
+        origin: what made it: a function, or the path of a file.
 
     Returns:
         SHA-256, hexadecimal.
     """
     own: set[str] = set()
-    files: set[Path] = set()
-    for kind in _classes_of(task):
-        if kind.__module__.partition(".")[0] in PACKAGES:
+    held: list[str] = []
+    files = {part for part in origin if isinstance(part, Path)}
+    for kind in _parts([task, *origin]):
+        if isinstance(kind, str):
+            held.append(kind)
+        elif kind.__module__.partition(".")[0] in PACKAGES:
             own.add(kind.__module__)
         else:
             files.update(_defining_files(kind))
     outside = {source for file in files for source in _external_sources(file)}
     digests = sorted(sha256_of(path) for path in outside)
-    text = canonical_json(
-        {"own": [code_version(name) for name in sorted(own)], "outside": digests, **_used_packages(outside)}
-    )
+    versions: list[Json] = [code_version(name) for name in sorted(own)]
+    text = canonical_json({"own": versions, "outside": digests, "held": sorted(held), **_used_packages(outside)})
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _classes_of(task: object) -> Iterator[type | FunctionType]:
-    """List the classes of a task and of what it holds, and the functions that it holds."""
-    waiting, seen = [task], set[int]()
+def _parts(waiting: list[object]) -> Iterator[type | FunctionType | str]:
+    """List the classes of things and of what they hold, the functions among that, and numbers and texts as text."""
+    seen = set[int]()
     while waiting:
         part = waiting.pop()
-        if id(part) in seen:
-            continue
-        seen.add(id(part))
-        if isinstance(part, FunctionType):
-            yield part
+        if isinstance(part, int | float | str):
+            yield str(part)
         elif isinstance(part, tuple | list):
             waiting += part
-        elif type(part).__module__ != "builtins":
-            yield from (kind for kind in type(part).__mro__ if kind is not object)
-            # What a cached property has stored says only what was asked for before.
-            held = getattr(part, "__dict__", {}).items()
-            waiting += [value for name, value in held if not _is_cached(part, name)]
+        elif isinstance(part, dict):
+            waiting += [*part.keys(), *part.values()]
+        elif id(part) not in seen and not isinstance(part, Path):
+            seen.add(id(part))
+            if isinstance(part, FunctionType):
+                yield part
+                waiting += [cell.cell_contents for cell in part.__closure__ or ()]
+            else:
+                kind = part if isinstance(part, type) else type(part)
+                yield from (each for each in kind.__mro__ if each.__module__ != "builtins")
+                waiting += [] if part is kind else _held(part)
 
 
-def _is_cached(part: object, name: str) -> bool:
-    """Whether an attribute is what a cached property has stored."""
-    return isinstance(getattr(type(part), name, None), cached_property)
+def _held(part: object) -> list[object]:
+    """List what a thing holds, but for what it computed from that and keeps."""
+    values = getattr(part, "__dict__", {})
+    return [held for name, held in values.items() if not isinstance(getattr(type(part), name, None), cached_property)]
 
 
 def _defining_files(kind: type | FunctionType) -> set[Path]:
     """Find the files in which a class or a function is written; none for what comes with Python."""
-    members = (
-        [kind] if isinstance(kind, FunctionType) else [getattr(part, "fget", part) for part in vars(kind).values()]
-    )
-    members = [getattr(part, "func", getattr(part, "__func__", part)) for part in members]
+    members = [kind] if isinstance(kind, FunctionType) else [_function(part) for part in vars(kind).values()]
     codes = [code for part in members if isinstance(code := getattr(part, "__code__", None), CodeType)]
     paths = {Path(code.co_filename) for code in codes if Path(code.co_filename).is_file()}
     standard, installed = (Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib"))
     return {path for path in paths if installed in path.parents or standard not in path.parents}
+
+
+def _function(member: object) -> object:
+    """Return the function behind a property, a cached property, a class method or a static one."""
+    for name in ("fget", "func", "__func__"):
+        member = getattr(member, name, member)
+    return member
 
 
 def _external_sources(file: Path) -> set[Path]:

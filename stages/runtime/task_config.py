@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from roboscribe.envs.catalogue import make_task
+from roboscribe.envs.catalogue import make_task, origin_of
 from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.demonstrations import Demonstrations, read_demonstrations
@@ -46,7 +46,7 @@ class TaskConfig:
 @lru_cache(maxsize=64)
 def _code(config: TaskConfig) -> str:
     """Hash the sources of a task once: what was imported does not change any more."""
-    return task_version(config.make())
+    return task_version(config.make(), origin_of(config.name))
 
 
 def load_evidence(path: Path, config: TaskConfig) -> Evidence:

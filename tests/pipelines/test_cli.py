@@ -127,7 +127,7 @@ def test_failing_episodes_are_named_and_filmed(
     assert "v.gif: episode 2, 0 solved" in capsys.readouterr().out
 
 
-def test_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_row_12_fail_has_exit_code_3(command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Row 12: demonstrations that never reach the goal."""
     shown = [failing(each) for each in POINT_TASKS[TASK].demonstrate(4, 0)]
     demos = write(tmp_path / "d.parquet", shown)
@@ -189,7 +189,7 @@ def test_a_broken_program_is_shown_where_it_breaks(
     assert "line 1" in capsys.readouterr().err
 
 
-def test_names_in_reports_are_no_markup(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+def test_row_20_names_in_reports_are_no_markup(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
     """Row 20: what a user types is printed as it is."""
     assert command("evaluate", "[bold red]x[/]\x1b]0;title\x07", "--task", TASK) == 2
     assert "[bold red]x[/]" in capsys.readouterr().err

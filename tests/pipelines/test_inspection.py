@@ -18,6 +18,7 @@ from roboscribe.pipelines.report.page import ReportedRun, page
 from roboscribe.pipelines.runs.lookup import LoadedRun, list_runs, open_run
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.runtime.events import Refined
+from roboscribe.stages.runtime.journal import Journal, read_records
 from roboscribe.stages.tracking.event_log import CHRONICLE
 from roboscribe.stages.tracking.mlflow_store import JOURNAL, synchronise
 from roboscribe.world.trajectory import Trajectory
@@ -198,9 +199,11 @@ def test_names_in_reports_are_no_markup(home: Path, tmp_path: Path) -> None:
     crafted = tmp_path / "x"
     shutil.copytree(home / "data" / "runs" / key(home, 0), crafted)
     path = crafted / CHRONICLE
-    records = [json.loads(line) for line in path.read_text().splitlines()]
-    kept = [json.dumps({name: value for name, value in record.items() if name != "sum"}) for record in records]
-    path.write_text("\n".join([*kept, ""]).replace("point-pick-place-1", EVIL).replace("scripted", EVIL))
+    records = [record for _, record in read_records(path)]
+    path.unlink()
+    journal = Journal(path, sorted({name for record in records for name in record}))
+    for record in records:
+        journal.append(json.loads(json.dumps(record).replace("point-pick-place-1", EVIL).replace("scripted", EVIL)))
     with open_run(str(crafted), Workspace(home)) as found:
         assert found.program is not None
         named = LoadedRun(EVIL, found.directory, found.program, found.account, EVIL)

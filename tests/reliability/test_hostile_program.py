@@ -14,6 +14,7 @@ from roboscribe.dsl.printer import pretty, text
 from roboscribe.errors import ProgramError
 from tests.dsl.kinematic import CONTROLLERS, Stacking, blocks
 
+pytestmark = pytest.mark.row(18)
 HEAD = "def P(μ : EE): "
 DEEP = 10_000
 

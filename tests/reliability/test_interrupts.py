@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import psutil
+import pytest
 
 from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.stores import empty_store, statuses
@@ -21,6 +22,7 @@ SECONDS = 2.5
 COMMAND = ["synthesize", "point-pick-place-1", "--profile", "scripted", "--episodes", "100000"]
 
 
+@pytest.mark.torture
 def test_row_16_ctrl_c_on_the_default_engine(tmp_path: Path) -> None:
     """Formerly it also ended Prefect's server, to which the run then talked for 80 s until it died of a traceback."""
     empty_store(tmp_path / "mlruns")

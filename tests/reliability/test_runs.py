@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -21,6 +21,7 @@ from roboscribe.stages.runtime.journal import read_records
 from roboscribe.stages.runtime.store import PROGRESS
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.tracking.mlflow_store import synchronise
+from tests.conftest import TORTURE, Figure, effort
 from tests.pipelines.runs import contents, learned, outputs, run, scripted
 from tests.pipelines.stores import empty_store, statuses
 
@@ -29,14 +30,16 @@ FORK = get_context("fork")
 PROGRAM = {"controllers.safetensors", "manifest.json", "program.txt", "tree.json"}
 
 
-def start(plan: SynthesisPlan, home: Path, fatal: Callable[[str], bool] = lambda path: False) -> BaseProcess:
-    """Run a plan in a process of its own, which is killed right before it creates or renames a `fatal` file."""
+def start(
+    plan: SynthesisPlan, home: Path, fatal: Callable[[str], bool] = lambda path: False, sent: int = signal.SIGKILL
+) -> BaseProcess:
+    """Run a plan in a process of its own, which gets a signal right before it creates or renames a `fatal` file."""
 
     def watch(event: str, arguments: tuple[object, ...]) -> None:
         creates = event == "open" and isinstance(arguments[2], int) and arguments[2] & os.O_CREAT
         path = str(arguments[0])
         if (creates or event == "os.rename") and path.startswith(str(home)) and fatal(path):
-            os.kill(os.getpid(), signal.SIGKILL)
+            os.kill(os.getpid(), sent)
 
     def work() -> None:
         sys.addaudithook(watch)
@@ -47,28 +50,66 @@ def start(plan: SynthesisPlan, home: Path, fatal: Callable[[str], bool] = lambda
     return process
 
 
-def killed_until_done(plan: SynthesisPlan, home: Path, seed: int) -> int:
-    """Run a plan again and again, each time killed before one of its next writes; returns how often it was killed."""
+def stopped_until_done(plan: SynthesisPlan, home: Path, seed: int, sent: int = signal.SIGKILL) -> int:
+    """Run a plan again and again, each time stopped before one of its next writes; returns how often it was stopped."""
     rng = np.random.default_rng(seed)
-    for kills in range(60):
-        moments = iter(range(int(rng.integers(1, 20 * (kills + 1)))))
-        process = start(plan, home, lambda path, moments=moments: next(moments, None) is None)
+    for stops in range(60):
+        moments = iter(range(int(rng.integers(1, 20 * (stops + 1)))))
+        process = start(plan, home, lambda path, moments=moments: next(moments, None) is None, sent)
         process.join()
-        if process.exitcode != -signal.SIGKILL:
-            assert process.exitcode == 0
-            return kills
+        if process.exitcode == 0:
+            return stops
+        assert process.exitcode == (-sent if sent == signal.SIGKILL else 1)
     pytest.fail("the run never ended")
 
 
-@pytest.mark.parametrize("plan", [scripted, learned])
-@pytest.mark.parametrize("seed", range(2))
+def tower() -> SynthesisPlan:
+    """SynthesisPlan a tower in the plane."""
+    return scripted(task="point-tower-3")
+
+
+PLANS = [learned, *([scripted, tower] if TORTURE in os.environ else [])]
+
+
+@pytest.mark.parametrize("plan", PLANS)
+@pytest.mark.parametrize("seed", range(effort(1, 5)))
 def test_row_1_a_killed_run_goes_on_to_the_same_end(
-    plan: Callable[[], SynthesisPlan], seed: int, tmp_path: Path
+    plan: Callable[[], SynthesisPlan], seed: int, tmp_path: Path, figure: Figure
 ) -> None:
     assert isinstance(run(plan(), tmp_path / "whole"), dict)
-    assert killed_until_done(plan(), tmp_path / "killed", seed) >= 3
+    kills = stopped_until_done(plan(), tmp_path / "killed", seed)
+    assert kills >= 3
     assert contents(tmp_path / "killed" / "program") == contents(tmp_path / "whole" / "program")
     assert outputs(tmp_path / "killed") == outputs(tmp_path / "whole")
+    figure("kills -9 survived", kills, kills)
+
+
+@pytest.mark.torture
+@pytest.mark.parametrize("seed", range(4))
+def test_row_16_an_interrupted_run_goes_on_to_the_same_end(seed: int, tmp_path: Path, figure: Figure) -> None:
+    run(scripted(), tmp_path / "whole")
+    stops = stopped_until_done(scripted(), tmp_path / "stopped", seed, signal.SIGINT)
+    assert contents(tmp_path / "stopped" / "program") == contents(tmp_path / "whole" / "program")
+    assert outputs(tmp_path / "stopped") == outputs(tmp_path / "whole")
+    assert told_statuses(tmp_path / "stopped").count("KILLED") <= stops
+    assert told_statuses(tmp_path / "stopped")[-1] == "FINISHED"
+    figure("SIGINT survived", stops, stops)
+
+
+def test_row_3_a_learner_goes_on_from_any_checkpoint_to_the_same_weights(tmp_path: Path, figure: Figure) -> None:
+    run(learned(), tmp_path / "whole")
+    last = effort(2, 12)
+    for number in range(1, last + 1):
+        home, written = tmp_path / str(number), iter(range(number))
+
+        def at_checkpoint(path: str, written: Iterator[int] = written) -> bool:
+            return ".progress.safetensors" in path and next(written, None) is None
+
+        process = start(learned(), home, at_checkpoint)
+        process.join()
+        run(learned(), home)
+        assert outputs(home) == outputs(tmp_path / "whole")
+    figure("checkpoints gone on from, same bits", last, last)
 
 
 def test_row_1_finished_stages_are_not_repeated(tmp_path: Path) -> None:
@@ -112,7 +153,8 @@ def points(home: Path) -> list[tuple[object, ...]]:
     return sorted((r["controller"], r["step"], str(r["names"])) for _, r in read_records(path))
 
 
-def test_row_4_the_seed_decides(tmp_path: Path) -> None:
+@pytest.mark.parametrize("_attempt", range(effort(1, 3)))
+def test_row_4_the_seed_decides(tmp_path: Path, _attempt: int) -> None:
     for home, seed in (("first", 0), ("again", 0), ("other", 1)):
         run(learned(seed), tmp_path / home)
     first, again, other = (contents(tmp_path / home / "program") for home in ("first", "again", "other"))
@@ -130,6 +172,26 @@ def test_row_14_the_same_run_twice_at_once(tmp_path: Path) -> None:
     run(scripted(), tmp_path / "alone")
     assert contents(tmp_path / "both" / "program") == contents(tmp_path / "alone" / "program")
     assert outputs(tmp_path / "both") == outputs(tmp_path / "alone")
+
+
+@pytest.mark.torture
+def test_row_14_four_runs_on_a_fresh_store_with_the_default_engine(tmp_path: Path, figure: Figure) -> None:
+    """Four commands at once, each starting Prefect's server on the same new database and MLflow's on the same store."""
+    command = [
+        sys.executable,
+        "-m",
+        "roboscribe.pipelines.cli",
+        "synthesize",
+        "point-pick-place-1",
+        "--profile",
+        "scripted",
+    ]
+    command += ["--episodes", "40", "--home", str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    runs = [subprocess.Popen([*command, "--seed", str(seed)], env=environment) for seed in range(4)]
+    assert [process.wait(600) for process in runs] == [0] * 4
+    found = statuses(tmp_path / "mlruns")
+    figure("runs at once", sum(found[f"point-pick-place-1 seed {seed}"] == "FINISHED" for seed in range(4)), 4)
 
 
 def test_row_16_an_interrupt_is_noted(tmp_path: Path) -> None:

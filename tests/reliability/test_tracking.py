@@ -253,6 +253,8 @@ def test_a_deleted_experiment_is_restored(tmp_path: Path, caplog: pytest.LogCapt
     assert [record.message for record in caplog.records] == ["experiment t had been deleted in MLflow; it is restored"]
 
 
+@pytest.mark.torture
+@pytest.mark.row(15)
 def test_an_experiment_deleted_during_a_run_is_restored(tmp_path: Path, following: Tracker) -> None:
     tell(following, range(3))
     end = monotonic() + 60

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from roboscribe.envs.point_world import POINT_TASKS
-from roboscribe.stages.runtime import code_version
+from roboscribe.stages.runtime import code_version, task_config
 from roboscribe.stages.runtime.task_config import TaskConfig
 
 
@@ -122,7 +122,27 @@ def test_what_a_task_holds_counts(tmp_path: Path) -> None:
 def test_tasks_of_the_catalogue_have_versions_of_their_own() -> None:
     point, fetch = (TaskConfig(name).code() for name in ("point-push-1", "pick-place-1"))
     assert point != fetch
-    assert TaskConfig("point-tower-3").code() == point, "the name is part of the settings, not of the code"
+    task = TaskConfig("point-push-1").make()
+    assert code_version.task_version(task) == code_version.task_version(task)
+    before = code_version.task_version(replace(task))
+    assert task.layout
+    assert code_version.task_version(task) == before, "what a task has computed for itself does not count"
+    assert code_version.task_version(replace(task, horizon=7)) != before, "what it was made with does"
+
+
+def test_a_task_in_a_file_counts_with_the_file(tmp_path: Path) -> None:
+    """Also where the file only gives a class of ours other numbers."""
+    path = tmp_path / "task.py"
+    versions = []
+    for kinds in ("1", "2"):
+        path.write_text(
+            "from roboscribe.envs.point_world import PointTask\n"
+            f'PUSH = PointTask("push", ("block",) * {kinds}, plane="xy", fingers=False)\n'
+        )
+        task_config._code.cache_clear()
+        code_version._imports.cache_clear()
+        versions.append(TaskConfig(f"{path}:PUSH").code())
+    assert versions[0] != versions[1]
 
 
 def test_what_was_asked_of_a_task_before_changes_no_key() -> None:

@@ -1,4 +1,4 @@
-"""Run every test of the reliability table with many cases, print the table, and write it to docs/reliability.md."""
+"""Run every test of the reliability table with many cases, print the table, and put it into docs/reliability.md."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from tests.conftest import TORTURE
 from tests.torture.table import Table
 
 ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "reliability.md"
+BEGIN, END = "<!-- printed by make torture -->\n", "<!-- end -->\n"
+"""What the table stands between on the page."""
 
 
 def main(arguments: list[str]) -> int:
@@ -24,8 +27,14 @@ def main(arguments: list[str]) -> int:
     text = table.markdown(perf_counter() - start)
     sys.stdout.write(f"\n{text}")
     if not arguments:
-        (ROOT / "docs" / "reliability.md").write_text(text, encoding="utf-8")
+        PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8"), text), encoding="utf-8")
     return int(code) or int(bool(table.missing()))
+
+
+def with_table(page: str, table: str) -> str:
+    """Return the page with another table."""
+    before, rest = page.split(BEGIN)
+    return f"{before}{BEGIN}\n{table}\n{END}{rest.split(END)[1]}"
 
 
 if __name__ == "__main__":

@@ -32,10 +32,7 @@ ROWS = {
     21: ("physics that diverges", "the episode fails and is counted; the run goes on"),
     22: ("interface", "loopback only; foreign Host or Origin gets 403"),
 }
-HEAD = """# What must not break
-
-Printed by `make torture` in {minutes:.0f} minutes; the default tests try fewer cases of each row. Every case is a test
-in `tests/` that is marked with its row.
+HEAD = """Tried for {minutes:.0f} minutes of wall time.
 
 | # | fault or input | what must happen | tests that passed | cases |
 |---|---|---|---|---|
