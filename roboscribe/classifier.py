@@ -217,6 +217,7 @@ def _samples(
         evidence.layout,
         crossings.before,
         crossings.reached,
+        evidence.lasts(crossings),
         negatives,
         crossings.frames,
         crossings.starts,

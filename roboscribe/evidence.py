@@ -202,6 +202,11 @@ class Evidence:
         frames = np.concatenate(parts) if parts else crossings.frames[:0]
         return Crossings(frames, np.cumsum(lengths) - lengths, tuple(crossings.passages[c] for c in kept))
 
+    def lasts(self, crossings: Crossings) -> FloatArray:
+        """Return the last state of the passage that each crossing is part of, (C, F)."""
+        states = [self.states_of(passage)[-1] for passage in crossings.passages]
+        return np.stack(states) if states else crossings.reached
+
     def states_of(self, passage: Passage) -> FloatArray:
         """Return the frames of a passage (T, F), under its names."""
         states = self.trajectories[passage.demonstration].states[passage.begin : passage.end]

@@ -65,6 +65,7 @@ class Samples:
         layout: meaning of the states.
         before: (C, F), P_s: of each crossing into ψ the state right before.
         reached: (C, F), the state on which ψ first holds.
+        lasts: (C, F), the last state that is shown, where a demonstration goes on once ψ holds.
         negatives: (M, F), N_s.
         frames: (S, F), the crossings from takeover to the first frame of ψ, one after the other.
         starts: (C,), where each crossing begins in `frames`.
@@ -79,6 +80,7 @@ class Samples:
     layout: Layout
     before: FloatArray
     reached: FloatArray
+    lasts: FloatArray
     negatives: FloatArray
     frames: FloatArray
     starts: IntArray

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import combinations
 
 import numpy as np
@@ -24,6 +24,7 @@ from roboscribe.search.candidates import (
 )
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray
+from roboscribe.world.trajectory import AGREEMENT
 
 __all__ = ["Anchor", "Candidate", "Samples", "rank_predicates"]
 
@@ -123,32 +124,54 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
 
 def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
     found: list[_Atom | None] = []
-    sets = (samples.before, samples.reached, samples.negatives, samples.frames)
+    sets = (samples.before, samples.reached, samples.lasts, samples.negatives, samples.frames)
     for feature in features:
-        before, reached, neg, frames = (feature.values(s, samples.layout) for s in sets)
-        if all(np.isfinite(values).all() for values in (before, reached, neg, frames)):
-            found += [_atom(feature, before, reached, neg, frames, sign) for sign in (1.0, -1.0)]
+        values = _Values(*(feature.values(states, samples.layout) for states in sets))
+        if values.finite:
+            found += [_atom(feature, values.towards(sign), sign) for sign in (1.0, -1.0)]
     return [atom for atom in found if atom is not None]
 
 
-def _atom(
-    feature: Feature, before: FloatArray, reached: FloatArray, neg: FloatArray, frames: FloatArray, sign: float
-) -> _Atom | None:
+@dataclass(frozen=True, eq=False)
+class _Values:
+    """A feature of all samples; fields as in `Samples`, one number instead of a state."""
+
+    before: FloatArray
+    reached: FloatArray
+    lasts: FloatArray
+    negatives: FloatArray
+    frames: FloatArray
+
+    @property
+    def finite(self) -> bool:
+        return all(np.isfinite(getattr(self, field.name)).all() for field in fields(self))
+
+    def towards(self, sign: float) -> _Values:
+        """Turn it round where positives are to lie above."""
+        return _Values(*(sign * getattr(self, field.name) for field in fields(self)))
+
+
+def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     """Put the threshold at the extreme of the positives; sign 1 for "below", -1 for "above".
 
     What must still hold with ψ is measured where ψ first holds, what is passed on the way right before: whichever of
-    the two is the sharper.
+    the two is the sharper. What is brought about last stands at its threshold there, however sharply it is brought
+    about in the end; so how much it says is read off the last frame, where it lasts until then.
     """
-    before, reached, neg, frames = sign * before, sign * reached, sign * neg, sign * frames
-    pos = np.minimum(before, reached)
+    before, neg = values.before, values.negatives
+    pos = np.minimum(before, values.reached)
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
     threshold, gap = bound(pos, neg, spread, before)
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    said = bits(pos, threshold, np.concatenate([pos, neg, frames]), feature, sign)
-    return _Atom(feature, predicate, neg < threshold, frames < threshold, spread, gap / spread, said)
+    usual = np.concatenate([pos, neg, values.frames])
+    said = bits(pos, threshold, usual, feature, sign)
+    if np.mean(values.lasts < threshold) >= AGREEMENT:
+        settled = np.minimum(pos, values.lasts)
+        said = max(said, bits(settled, bound(settled, neg, spread)[0], usual, feature, sign))
+    return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
 
 def bits(pos: FloatArray, threshold: float, values: FloatArray, feature: Feature, sign: float) -> float:

@@ -46,11 +46,13 @@ def samples(
     negatives: FloatArray,
     *,
     reached: FloatArray | None = None,
+    lasts: FloatArray | None = None,
     steps: dict[frozenset[str], tuple[IntArray, ...]] | None = None,
     anchors: tuple[Anchor, ...] = (),
     episodes: tuple[FloatArray, ...] = (),
 ) -> Samples:
-    """Build samples of one goal that is ψ_R; it is reached in `reached`, without them where `positives` show it, too.
+    """Build samples of one goal that is ψ_R; it is reached in `reached`, without them where `positives` show it, too;
+    so for `lasts`, what is shown last.
 
     Without `episodes` every demonstration is ten failing states, then a positive one.
     """
@@ -62,6 +64,7 @@ def samples(
         LAYOUT,
         before=positives,
         reached=reached,
+        lasts=reached if lasts is None else lasts,
         negatives=negatives,
         frames=np.concatenate(episodes),
         starts=starts,

@@ -12,7 +12,7 @@ from roboscribe.dsl.rewrite import conjuncts, walk
 from roboscribe.dsl.syntax import And, Const, Proj
 from roboscribe.search.candidates import Anchor
 from roboscribe.search.predicates import Candidate, bound, rank_predicates
-from tests.search.examples import FEATURES, GAUGES, planted, random_states, samples, truth_of
+from tests.search.examples import FEATURES, GAUGES, LAYOUT, planted, random_states, samples, truth_of
 
 
 def gauges(candidate: Candidate) -> set[str]:
@@ -158,3 +158,13 @@ def test_a_threshold_leaves_room_for_what_was_not_seen_but_not_for_failures() ->
     threshold, gap = bound(seen, close, 1.0)
     assert gap == pytest.approx(0.1)
     assert threshold == pytest.approx(1.05), "half-way to the next failure"
+
+
+@pytest.mark.parametrize("last", [0.05, 0.75])
+def test_what_stands_at_its_threshold_when_the_goal_is_reached_says_as_much_as_where_it_is_left(last: float) -> None:
+    positives, negatives = planted(parse_predicate("b1↓p < 0.7"), np.random.default_rng(5))
+    lasts = positives.copy()
+    lasts[:, LAYOUT.columns[0, "p", False]] = last  # beyond the threshold it is undone and says nothing
+    table = rank_predicates(FEATURES, samples(positives, negatives, lasts=lasts))
+    (found,) = [c for c in table if gauges(c) == {"p"}]
+    assert found.possible == (last < 0.7)
