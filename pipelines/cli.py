@@ -16,17 +16,17 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from pipelines import baseline_command, data_commands, looking
-from pipelines.interrupts import INTERRUPTED, Interrupts
-from pipelines.options import PROGRAM_HELP, HomeDir, JsonFile
-from pipelines.paper.commands import paper
 from roboscribe.errors import RoboScribeError
+from roboscribe.pipelines.commands import baseline, data, inspection
+from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile
+from roboscribe.pipelines.interrupts import INTERRUPTED, Interrupts
+from roboscribe.pipelines.paper.commands import paper
 from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
+    from roboscribe.stages.runtime.progress import Report
     from roboscribe.world.layout import ObjectType
-    from stages.progress import Report
 
 SOLVED, BAD_INPUT, FAIL = 0, 2, 3
 RESUMED = ("synthesize", "paper")
@@ -40,7 +40,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.add_typer(data_commands.demonstrations, name="demos")
+app.add_typer(data.demonstrations, name="demos")
 app.add_typer(paper, name="paper")
 console = Console(highlight=False)
 
@@ -79,7 +79,7 @@ def tasks() -> None:
     console.print(table)
 
 
-@data_commands.demonstrations.command(data_commands.COLLECT)
+@data.demonstrations.command(data.COLLECT)
 def demos(
     task: TaskName,
     out: Annotated[Path, typer.Option("--out", help="Parquet file to write")],
@@ -91,8 +91,8 @@ def demos(
     timing: Timing = "fast",
 ) -> None:
     """Collect noisy scripted demonstrations into a Parquet file."""
-    from stages.collect import Config, collect
-    from stages.world import TaskConfig
+    from roboscribe.stages.collect import Config, collect
+    from roboscribe.stages.runtime.task_config import TaskConfig
 
     config = Config(TaskConfig(task, contact, timing), episodes, seed, style, failing)
     _make_room(out)
@@ -118,15 +118,15 @@ def synthesize(
     home: HomeDir = Path(),
 ) -> None:
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
-    from pipelines.chain import Plan
-    from pipelines.home import Home
-    from pipelines.session import Session
-    from pipelines.story import Story
     from roboscribe.errors import Fail
-    from roboscribe.evaluation import spell_success
+    from roboscribe.evaluation import format_success
+    from roboscribe.pipelines.console import SynthesisConsole
+    from roboscribe.pipelines.synthesis_pipeline import Plan
+    from roboscribe.pipelines.synthesis_run import SynthesisRun
+    from roboscribe.pipelines.workspace import Workspace
     from roboscribe.rl.config import TrainConfig
+    from roboscribe.stages.runtime.task_config import TaskConfig
     from roboscribe.steps import Limits
-    from stages.world import TaskConfig
 
     settings = TrainConfig() if budget is None else TrainConfig(budget=budget)
     where = TaskConfig(task, contact, timing)
@@ -134,12 +134,12 @@ def synthesize(
     limits = Limits(success=success)
     plan = Plan(where, seed, profile, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
     _make_room(*(path for path in (out, json) if path is not None))
-    with Story(console) as story:
-        session = Session(plan, Home(home), "local" if engine is Engine.local else "prefect", out)
-        result = session.run(story.audience())
+    with SynthesisConsole(console) as story:
+        session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
+        result = session.run(story.callbacks())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
-    _say(f"success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
+    _say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     if float(str(result["ci_high"])) < success:
         _say(f"this is the best program found, below the {success:.0%} asked for")
     _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
@@ -157,13 +157,13 @@ def adapt(
     home: HomeDir = Path(),
 ) -> None:
     """Learn only the guards of a program's loops again, from demonstrations of another order."""
-    from pipelines.adapting import adapt_saved, save
-    from pipelines.home import Home
-    from pipelines.programs import program_directory
     from roboscribe.errors import Fail
+    from roboscribe.pipelines.adaptation import adapt_saved, save
+    from roboscribe.pipelines.programs import program_directory
+    from roboscribe.pipelines.workspace import Workspace
 
     _make_room(out)
-    with program_directory(program, Home(home).mlruns) as directory:
+    with program_directory(program, Workspace(home).mlruns) as directory:
         adaptation = adapt_saved(directory, demos, task)
         if isinstance(adaptation, Fail):
             _say(f"FAIL: {adaptation.reason}")
@@ -186,15 +186,15 @@ def evaluate(
     home: HomeDir = Path(),
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
-    from pipelines.home import Home
-    from pipelines.programs import evaluation, open_program, program_directory
-    from roboscribe.evaluation import spell_success
-    from stages.evaluate import Config
+    from roboscribe.evaluation import format_success
+    from roboscribe.pipelines.programs import evaluation, load_with_task, program_directory
+    from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.stages.evaluate import Config
 
-    with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
-        opened, where = open_program(directory, task, contact, timing)
+    with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
+        opened, where = load_with_task(directory, task, contact, timing)
         result = evaluation(opened, Config(where, seed, episodes), report)
-    _say(f"{where.name}: success {spell_success(result)} of {result['episodes']} episodes, 95 % interval")
+    _say(f"{where.name}: success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     failing = result["failing"]
     assert isinstance(failing, list)
@@ -219,27 +219,27 @@ def render(
     home: HomeDir = Path(),
 ) -> None:
     """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
-    from pipelines import filming
-    from pipelines.home import Home
-    from pipelines.programs import open_program, program_directory
     from roboscribe.envs.render import check_suffix
-    from stages.film import Shooting
+    from roboscribe.pipelines import film_selection
+    from roboscribe.pipelines.programs import load_with_task, program_directory
+    from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.stages.film import FilmOptions
 
-    columns, rows = filming.grid(grid)
+    columns, rows = film_selection.grid(grid)
     first, count = episode or 0, columns * rows
     out = out or Path(f"{Path(program).resolve().name}.mp4")
     check_suffix(out)
     _make_room(out)
-    with program_directory(program, Home(home).mlruns) as directory, _bar() as report:
-        opened, where = open_program(directory, task, contact, timing)
+    with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
+        opened, where = load_with_task(directory, task, contact, timing)
         episodes = list(range(first, first + count))
         if failing:
-            episodes = filming.failing_episodes(opened, where, seed, count, first, report)
+            episodes = film_selection.failing_episodes(opened, where, seed, count, first, report)
         if not episodes:
-            _say(f"none of the episodes {first} to {first + filming.SEARCHED - 1} fails; nothing is filmed")
+            _say(f"none of the episodes {first} to {first + film_selection.SEARCHED - 1} fails; nothing is filmed")
             return
-        shooting = Shooting(columns, rows, slow)
-        path, solved = filming.shoot(opened, where, seed, episodes, out, shooting)
+        shooting = FilmOptions(columns, rows, slow)
+        path, solved = film_selection.shoot(opened, where, seed, episodes, out, shooting)
     _say(f"{path}: episode{'s' * (len(episodes) > 1)} {', '.join(map(str, episodes))}, {len(solved)} solved")
 
 
@@ -248,7 +248,7 @@ def programs() -> None:
     """List the shipped programs; success as measured when they were made, with its 95 % Wilson interval."""
     from rich.table import Table
 
-    from roboscribe.evaluation import spell_success
+    from roboscribe.evaluation import format_success
     from roboscribe.programs import shipped_programs
 
     table = Table(box=None, padding=(0, 2, 0, 0))
@@ -256,7 +256,7 @@ def programs() -> None:
         table.add_column(title)
     for shipped in shipped_programs():
         made = [Text(str(shipped.manifest[entry])) for entry in ("task", "seed", "profile")]
-        success, size = spell_success(shipped.manifest["figures"]), f"{shipped.size / 1000:.0f} kB"
+        success, size = format_success(shipped.manifest["figures"]), f"{shipped.size / 1000:.0f} kB"
         table.add_row(Text(shipped.name), *made, success, size)
     console.print(table)
 
@@ -264,9 +264,9 @@ def programs() -> None:
 @app.command()
 def serve(home: HomeDir = Path()) -> None:
     """Offer the scheduled runs of the paper's experiments to a Prefect server, one at a time, until interrupted."""
-    from pipelines.paper.schedule import offer
+    from roboscribe.pipelines.paper.schedule import serve_schedules
 
-    offer(home)
+    serve_schedules(home)
 
 
 @app.command()
@@ -275,14 +275,14 @@ def ui(
     home: HomeDir = Path(),
 ) -> None:
     """Show what was tracked in MLflow's interface, on 127.0.0.1 only."""
-    from pipelines import interface
-    from pipelines.home import Home
+    from roboscribe.pipelines import mlflow_server
+    from roboscribe.pipelines.workspace import Workspace
 
     _say(f"http://127.0.0.1:{port}")
-    interface.serve(Home(home), port)
+    mlflow_server.serve(Workspace(home), port)
 
 
-for commands in (baseline_command, looking, data_commands):
+for commands in (baseline, inspection, data):
     app.registered_commands += commands.app.registered_commands
 
 
@@ -340,9 +340,9 @@ def _make_room(*files: Path) -> None:
 @contextmanager
 def _bar() -> Iterator[Report]:
     """Show one progress bar for work that has no story."""
-    from pipelines.bar import Bar
+    from roboscribe.pipelines.progress_bar import ProgressBar
 
-    with Bar(console) as bar:
+    with ProgressBar(console) as bar:
         yield bar.watch
 
 

@@ -17,10 +17,10 @@ from roboscribe.io.saved_program import PROGRAM, load_program
 from roboscribe.programs import find_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
+from roboscribe.stages import evaluate
+from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
-from stages import evaluate
-from stages.progress import Report, episode_watch, silent
-from stages.world import TaskConfig
 
 log = logging.getLogger(__name__)
 _RUN_ID = re.compile(r"[0-9a-f]{32}")
@@ -53,7 +53,7 @@ def _tracked(run_id: str, mlruns: Path) -> Iterator[Path]:
     """
     from mlflow.exceptions import MlflowException
 
-    from stages.mlflow_store import DATABASE, download_program
+    from roboscribe.stages.tracking.mlflow_store import DATABASE, download_program
 
     if not (mlruns / DATABASE).exists():
         msg = f"program {run_id}: looks like an MLflow run id, but there is no tracking store {mlruns / DATABASE}"
@@ -67,7 +67,7 @@ def _tracked(run_id: str, mlruns: Path) -> Iterator[Path]:
         yield found
 
 
-def open_program(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
+def load_with_task(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
     """Load a program and check that it can run on a task.
 
     Args:

@@ -127,7 +127,7 @@ class Evaluation:
 
     def __str__(self) -> str:
         """Spell the success rate with its interval."""
-        return f"{self.task}: success {spell_success(self.figures)} of {self.episodes} episodes, 95 % interval"
+        return f"{self.task}: success {format_success(self.figures)} of {self.episodes} episodes, 95 % interval"
 
     def _repr_html_(self) -> str:
         """Show the figures in a notebook."""
@@ -145,7 +145,7 @@ def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watc
     return Evaluation(task.name, seed, figures, episode_table(done, seeds))
 
 
-def spell_success(figures: Mapping[str, Any]) -> str:
+def format_success(figures: Mapping[str, Any]) -> str:
     """Spell a success rate with its interval, in per cent."""
     success, low, high = (100 * float(figures[name]) for name in ("success", "ci_low", "ci_high"))
     return f"{success:.1f} % ({low:.1f} to {high:.1f})"

@@ -18,14 +18,14 @@ from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
 from roboscribe.runnable import Runnable
 from roboscribe.saved import BASELINE, KIND
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import OUTCOME, program_bytes, write_json
+from roboscribe.stages.runtime.journal import Journal, read_records
+from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_demonstrations
 from roboscribe.world import Task, Trajectory
-from stages import alone
-from stages.files import OUTCOME, program_bytes, write_json
-from stages.journal import Journal, read_records
-from stages.package import DIRECTORY
-from stages.progress import Progress, Report, silent
-from stages.store import METRICS, PROGRESS, Inputs, Stage
-from stages.world import TaskConfig, load_demonstrations
 
 CHECKPOINT = "checkpoint.safetensors"
 
@@ -56,7 +56,7 @@ class Config:
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainedPolicy:
     """A policy, and what it took.
 
     Args:
@@ -99,7 +99,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     _save(config, trained.policy, taken, out / DIRECTORY)
 
 
-def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path, report: Report) -> Trained:
+def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path, report: Report) -> TrainedPolicy:
     """Do what the method does."""
     method, settings = config.method, config.settings
     steps = usual_steps(method, task.layout, settings) if config.steps is None else config.steps
@@ -107,17 +107,17 @@ def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path,
     course = Course(steps, config.seed, out / PROGRESS / CHECKPOINT, log)
     match method:
         case "bc":
-            return Trained(clone_actions(task, shown, settings.network, settings.cloning, course), steps)
+            return TrainedPolicy(clone_actions(task, shown, settings.network, settings.cloning, course), steps)
         case "chunked-bc":
-            return Trained(clone_chunks(task, shown, settings.chunks, course), steps)
+            return TrainedPolicy(clone_chunks(task, shown, settings.chunks, course), steps)
         case _:
-            judge = _Judge(task, method, config.seed, config.episodes)
+            judge = _PolicyEvaluator(task, method, config.seed, config.episodes)
             learned = learn_off_policy(task, method, shown, settings, course, judge=judge)
-            return Trained(learned.policy, 0, learned.control_steps, learned.hopeless)
+            return TrainedPolicy(learned.policy, 0, learned.control_steps, learned.hopeless)
 
 
 @dataclass(frozen=True)
-class _Judge:
+class _PolicyEvaluator:
     """Measures a policy on the same episodes each time, which are not those of the final evaluation."""
 
     task: Task
@@ -173,4 +173,4 @@ def _save(config: Config, policy: Policy, taken: Mapping[str, Json], directory: 
 STAGE = Stage("baseline", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

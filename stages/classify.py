@@ -8,12 +8,12 @@ from pathlib import Path
 
 from roboscribe.classifier import learn_classifier
 from roboscribe.errors import Fail
-from stages import alone
-from stages.files import REFINEMENT, write_fail, write_json
-from stages.progress import Report, silent
-from stages.store import Inputs, Stage
-from stages.values import read_failures, read_tree, refinement_to_json
-from stages.world import TaskConfig, load_evidence
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import REFINEMENT, write_fail, write_json
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.serialization import read_failures, read_tree, refinement_to_json
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
 
 
 @dataclass(frozen=True)
@@ -49,4 +49,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("classify", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -9,10 +9,10 @@ from pathlib import Path
 from roboscribe.envs.demonstrator import demonstrate
 from roboscribe.envs.styles import DEFAULT
 from roboscribe.io.demonstrations import write_demonstrations
-from stages import alone
-from stages.progress import Progress, Report, silent
-from stages.store import Inputs, Stage
-from stages.world import DEMONSTRATIONS, TaskConfig
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
 
 
 @dataclass(frozen=True)
@@ -56,4 +56,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("collect", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from roboscribe.evaluation import measure
 from roboscribe.runnable import Runnable
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library
+from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json, read_program, write_json
+from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.task import Task
-from stages import alone
-from stages.files import EPISODES, OUTCOME, read_json, read_program, write_json
-from stages.progress import Report, episode_watch, silent
-from stages.skills import read_library
-from stages.store import Inputs, Stage
-from stages.world import TaskConfig
 
 
 @dataclass(frozen=True)
@@ -58,4 +58,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("evaluate", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -11,19 +11,19 @@ import numpy as np
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.replay import replay
-from roboscribe.envs.panel import Take
+from roboscribe.envs.panel import RecordedEpisode
 from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
 from roboscribe.evaluation import PURPOSE, episode_seeds
 from roboscribe.runnable import Runnable
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library
+from roboscribe.stages.runtime.files import read_json, read_program
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Painter, Task, World
-from stages import alone
-from stages.files import read_json, read_program
-from stages.progress import Report, silent
-from stages.skills import read_library
-from stages.store import Inputs, Stage
-from stages.world import TaskConfig
 
 VIDEO = "rollout.mp4"
 
@@ -43,9 +43,9 @@ class Config:
     confirm: int = 3
 
 
-def takes(
+def record_episodes(
     program: Runnable, task: Task, episodes: Sequence[int], seeds: Sequence[int] | IntArray, goal: str = ROOT
-) -> list[Take]:
+) -> list[RecordedEpisode]:
     """Run episodes and keep what a film of them needs.
 
     Args:
@@ -62,7 +62,7 @@ def takes(
         program.program, library, recording, drawn, limits=limits, batch=1, until_end=goal != ROOT, confirm=confirm
     )
     return [
-        Take(
+        RecordedEpisode(
             states=trajectory.states,
             snapshots=np.stack(snapshots),
             moments=replay(program.program, task.layout, trajectory.states, limits, confirm, task.solved),
@@ -76,7 +76,7 @@ def takes(
 
 
 @dataclass(frozen=True)
-class Shooting:
+class FilmOptions:
     """How to film.
 
     Args:
@@ -94,13 +94,15 @@ class Shooting:
     size: tuple[int, int] = SIZE
 
 
-def film(program: Runnable, task: Task, shown: Sequence[Take], out: Path, how: Shooting | None = None) -> Path:
+def film(
+    program: Runnable, task: Task, shown: Sequence[RecordedEpisode], out: Path, how: FilmOptions | None = None
+) -> Path:
     """Write a video of one episode, or of several in a grid.
 
     Returns:
         The file written, a GIF where no encoder is found.
     """
-    how = how or Shooting()
+    how = how or FilmOptions()
     every = how.every * (max(1, round(task.frequency / GIF_RATE)) if out.suffix.lower() == ".gif" else 1)
     shown = [take.thinned(every) for take in shown]
     one = how.columns == how.rows == 1
@@ -122,7 +124,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    shown = takes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
+    shown = record_episodes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
     film(program, task, shown, out / VIDEO)
 
 
@@ -194,4 +196,4 @@ class _RecordingWorld:
 STAGE = Stage("film", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -9,13 +9,13 @@ from pathlib import Path
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import write_file
 from roboscribe.program_gen import gen_program
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import PROGRAM, program_bytes, write_fail
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.serialization import read_tree
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
 from roboscribe.subtask_tree import ROOT
-from stages import alone
-from stages.files import PROGRAM, program_bytes, write_fail
-from stages.progress import Report, silent
-from stages.store import Inputs, Stage
-from stages.values import read_tree
-from stages.world import TaskConfig, load_evidence
 
 
 @dataclass(frozen=True)
@@ -51,4 +51,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("generate", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -9,11 +9,11 @@ from pathlib import Path
 from roboscribe.errors import Fail
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.validation import screen
-from stages import alone
-from stages.files import write_fail, write_json
-from stages.progress import Report, silent
-from stages.store import Inputs, Stage
-from stages.world import DEMONSTRATIONS, TaskConfig, load_demonstrations
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import write_fail, write_json
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig, load_demonstrations
 
 REPORT = "report.json"
 
@@ -64,4 +64,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("ingest", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -9,13 +9,13 @@ from pathlib import Path
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import save_program
 from roboscribe.programs import saved_form
-from stages import alone
-from stages.files import read_json, read_program
-from stages.progress import Report, silent
-from stages.skills import read_library
-from stages.store import Inputs, Stage
-from stages.values import read_tree
-from stages.world import TaskConfig
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library
+from roboscribe.stages.runtime.files import read_json, read_program
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.serialization import read_tree
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 DIRECTORY = "program"
 
@@ -70,4 +70,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("package", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -12,14 +12,14 @@ from roboscribe.abstraction_refinement import Outcome
 from roboscribe.evaluation import episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
 from roboscribe.runnable import Runnable
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library
+from roboscribe.stages.runtime.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
+from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.serialization import failures_bytes
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
-from stages import alone
-from stages.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
-from stages.progress import Report, episode_watch, silent
-from stages.skills import read_library
-from stages.store import Inputs, Stage
-from stages.values import failures_bytes
-from stages.world import TaskConfig
 
 
 @dataclass(frozen=True)
@@ -62,4 +62,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("roll_out", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

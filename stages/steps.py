@@ -15,14 +15,10 @@ from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
 from roboscribe.rl.config import TrainConfig
-from roboscribe.steps import Decision, Outcome, Steps, explained
-from roboscribe.strips import Strips, strips
-from roboscribe.subtask_tree import ROOT, Tree
-from roboscribe.tree_json import tree_to_json
-from roboscribe.world.layout import FloatArray
-from stages import classify, generate, roll_out, skills, train, update_tree, validate
-from stages.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
-from stages.files import (
+from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
+from roboscribe.stages.runtime import controller_files
+from roboscribe.stages.runtime.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
+from roboscribe.stages.runtime.files import (
     EPISODES,
     FAILURES,
     OUTCOME,
@@ -34,19 +30,30 @@ from stages.files import (
     read_json,
     read_program,
 )
-from stages.store import METRICS, AnyStage, Inputs
-from stages.values import failures_bytes, read_outcome, read_refinement, read_tree, refinement_to_json
-from stages.world import TaskConfig, load_evidence
+from roboscribe.stages.runtime.serialization import (
+    failures_bytes,
+    read_outcome,
+    read_refinement,
+    read_tree,
+    refinement_to_json,
+)
+from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs
+from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
+from roboscribe.steps import Decision, Outcome, Steps, explained
+from roboscribe.strips import Strips, strips
+from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.tree_json import tree_to_json
+from roboscribe.world.layout import FloatArray
 
 
-class Call(Protocol):
+class RunStage(Protocol):
     """Runs a stage under a name that tells a reader what it is for; returns the directory of its outputs."""
 
     def __call__(self, label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
         """Run or find the outputs."""
 
 
-Put: TypeAlias = Callable[[str, bytes], Path]
+StoreValue: TypeAlias = Callable[[str, bytes], Path]
 """Stores a small value as a file, see `Store.put`."""
 
 
@@ -72,7 +79,7 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Library:
+class ControllerFiles:
     """Controllers as they pass through Algorithm 2: the training stage's outputs, and their names.
 
     Args:
@@ -87,7 +94,7 @@ class Library:
         """Return its files as inputs of a stage."""
         if self.out is None:
             return {}
-        return {"controllers": self.out / skills.DESCRIPTIONS, "weights": self.out / skills.WEIGHTS}
+        return {"controllers": self.out / controller_files.DESCRIPTIONS, "weights": self.out / controller_files.WEIGHTS}
 
     def runnable(self) -> dict[str, Path]:
         """Return its files with the step limits of the program it was last trained for."""
@@ -95,15 +102,15 @@ class Library:
 
 
 @dataclass(frozen=True)
-class Staged:
+class StagedSteps:
     """Turns values into files, calls stages, and turns files back into values."""
 
     setting: Setting
-    call: Call
-    put: Put
+    call: RunStage
+    put: StoreValue
     tell: Listener
 
-    def steps(self) -> Steps[Library]:
+    def steps(self) -> Steps[ControllerFiles]:
         """Return the pieces of Algorithm 2."""
         return Steps(
             generate=self.generate,
@@ -129,7 +136,7 @@ class Staged:
         out = self.call(f"generate program for {goal}", generate.STAGE, config, self.shown(tree))
         return read_fail(out) or read_program(out / PROGRAM)
 
-    def train(self, program: Program, goal: str, tree: Tree, library: Library) -> Library:
+    def train(self, program: Program, goal: str, tree: Tree, library: ControllerFiles) -> ControllerFiles:
         """TRAINPROGRAM.
 
         Departs: a controller whose node got another predecessor since it was trained is trained afresh, for it now
@@ -144,20 +151,20 @@ class Staged:
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
         self.tell(Trained(goal, tuple(read_json(out / train.REPORTS)), out / METRICS))
-        return Library(out, {**library.grounds, **now})
+        return ControllerFiles(out, {**library.grounds, **now})
 
-    def roll_out(self, program: Program, goal: str, library: Library) -> Outcome:
+    def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""
         out = self._roll_out(f"roll out {goal}", program, goal, library, self.setting.episodes)
         self.tell(RolledOut(goal, read_json(out / OUTCOME), out / EPISODES))
         return read_outcome(out)
 
-    def check(self, program: Program, goal: str, library: Library) -> Outcome:
+    def check(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P) for a few episodes."""
         episodes = min(CHECKED, self.setting.episodes)
         return read_outcome(self._roll_out("check a shorter program", program, goal, library, episodes))
 
-    def _roll_out(self, label: str, program: Program, goal: str, library: Library, episodes: int) -> Path:
+    def _roll_out(self, label: str, program: Program, goal: str, library: ControllerFiles, episodes: int) -> Path:
         setting = self.setting
         config = roll_out.Config(setting.task, goal, setting.seed, episodes, setting.training.confirm)
         return self.call(label, roll_out.STAGE, config, {"program": self.program(program), **library.runnable()})

@@ -12,15 +12,15 @@ from roboscribe.io.atomic import Json
 from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.train_program import step_limits
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.controller_files import read_library, write_library
+from roboscribe.stages.runtime.files import read_program, write_json
+from roboscribe.stages.runtime.journal import Journal
+from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.serialization import read_tree
+from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
 from roboscribe.subtask_tree import ROOT
-from stages import alone
-from stages.files import read_program, write_json
-from stages.journal import Journal
-from stages.progress import Progress, Report, silent
-from stages.skills import read_library, write_library
-from stages.store import METRICS, PROGRESS, Inputs, Stage
-from stages.values import read_tree
-from stages.world import TaskConfig, load_evidence
 
 LIMITS, REPORTS = "limits.json", "reports.json"
 
@@ -102,4 +102,4 @@ class _Log:
 STAGE = Stage("train", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

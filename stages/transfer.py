@@ -10,11 +10,11 @@ from pathlib import Path
 
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
 from roboscribe.saved import open_saved
-from stages import alone
-from stages.evaluate import record
-from stages.progress import Report, silent
-from stages.store import Inputs, Stage
-from stages.world import TaskConfig
+from roboscribe.stages.evaluate import record
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 FILES = {"program": PROGRAM, "tree": TREE, "controllers": CONTROLLERS, "manifest": MANIFEST}
 """Names of a saved program's files by the names of the inputs."""
@@ -57,4 +57,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("transfer", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

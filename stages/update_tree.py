@@ -6,13 +6,13 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import TREE, write_json
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.serialization import read_refinement, read_tree
+from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.subtask_tree import update_tree
 from roboscribe.tree_json import tree_to_json
-from stages import alone
-from stages.files import TREE, write_json
-from stages.progress import Report, silent
-from stages.store import Inputs, Stage
-from stages.values import read_refinement, read_tree
 
 
 @dataclass(frozen=True)
@@ -35,4 +35,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("update_tree", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

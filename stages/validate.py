@@ -6,13 +6,13 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.files import write_fail, write_json
+from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.serialization import read_tree
+from roboscribe.stages.runtime.store import Inputs, Stage
+from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
 from roboscribe.subtask_tree import validate
-from stages import alone
-from stages.files import write_fail, write_json
-from stages.progress import Report, silent
-from stages.store import Inputs, Stage
-from stages.values import read_tree
-from stages.world import TaskConfig, load_evidence
 
 
 @dataclass(frozen=True)
@@ -41,4 +41,4 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 STAGE = Stage("validate", Config, run)
 
 if __name__ == "__main__":
-    sys.exit(alone.main(STAGE))
+    sys.exit(cli.main(STAGE))

@@ -8,33 +8,33 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol, cast
 
-from pipelines.audience import Audience
-from pipelines.baseline import BaselinePlan, BaselineSession
-from pipelines.chain import Plan
-from pipelines.checkout import checkout_commit
-from pipelines.home import Home
-from pipelines.session import Session, Tally
 from roboscribe.baselines.config import RECIPES, method_named
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json, sha256_of
+from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.synthesis_run import ControlStepCounter, SynthesisRun
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import Profile, TrainConfig
+from roboscribe.stages import baseline, collect, evaluate, transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
+from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
+from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json
+from roboscribe.stages.runtime.store import TIMING, Inputs, Stage, Store
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS
+from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
-from stages import baseline, collect, evaluate, transfer
-from stages.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
-from stages.files import OUTCOME, PROGRAM, program_bytes, read_json
-from stages.package import DIRECTORY
-from stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
-from stages.skills import DESCRIPTIONS, WEIGHTS
-from stages.store import TIMING, Inputs, Stage, Store
-from stages.train import LIMITS
-from stages.world import DEMONSTRATIONS
 
 CHECKED = baseline.Config.episodes
 """Episodes of each evaluation during the training of a baseline."""
 
 
 @dataclass(frozen=True)
-class Place:
+class CellContext:
     """Where cells are computed.
 
     Args:
@@ -42,7 +42,7 @@ class Place:
         track: whether MLflow is told of the syntheses and trainings in them.
     """
 
-    home: Home
+    home: Workspace
     track: bool = True
 
     @property
@@ -57,7 +57,7 @@ class Cell(Protocol):
     def __str__(self) -> str:
         """Name it as its task run and its child run are named."""
 
-    def run(self, place: Place, audience: Audience) -> Path:
+    def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Compute it, or find it; returns the directory of what was found."""
 
 
@@ -79,10 +79,10 @@ class Transfer:
         """Return the label."""
         return self.label
 
-    def run(self, place: Place, audience: Audience) -> Path:
+    def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Measure it."""
-        audience.begin(self.label)
-        return place.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), audience.watch)
+        callbacks.begin(self.label)
+        return context.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), callbacks.watch)
 
 
 @dataclass(frozen=True)
@@ -99,16 +99,16 @@ class Synthesis:
         """Return the trial's name."""
         return str(self.trial)
 
-    def run(self, place: Place, audience: Audience) -> Path:
+    def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
-        plan = planned(self.trial, demonstrations(self.trial, place, audience))
-        session = Session(plan, place.home, "local", track=place.track)
+        plan = planned(self.trial, demonstrations(self.trial, context, callbacks))
+        session = SynthesisRun(plan, context.home, "local", track=context.track)
         identity = CellConfig(session.key(), self.trial.checked, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
-            _synthesize(plan, config.checked, place, audience, out)
+            _synthesize(plan, config.checked, context, callbacks, out)
 
-        return place.store.run(Stage("cell", CellConfig, work), identity, {})
+        return context.store.run(Stage("cell", CellConfig, work), identity, {})
 
 
 @dataclass(frozen=True)
@@ -140,20 +140,20 @@ class Training:
         """Return the trial's name."""
         return str(self.trial)
 
-    def run(self, place: Place, audience: Audience) -> Path:
+    def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Train, then measure; leaves `cell.json` and `program/`."""
         trial = self.trial
-        given = demonstrations(trial, place, audience)
+        given = demonstrations(trial, context, callbacks)
         plan = BaselinePlan(
             method_named(trial.method), trial.task, trial.seed, trial.budget, given, trial.shown, trial.episodes
         )
-        session = BaselineSession(plan, place.home, "local", track=place.track)
+        session = BaselineRun(plan, context.home, "local", track=context.track)
         identity = CellConfig(session.key(), CHECKED, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
-            _train(plan, place, audience, out)
+            _train(plan, context, callbacks, out)
 
-        return place.store.run(Stage("cell", CellConfig, work), identity, {})
+        return context.store.run(Stage("cell", CellConfig, work), identity, {})
 
 
 def cell_of(trial: Trial) -> Cell:
@@ -176,23 +176,23 @@ def planned(trial: Trial, given: Path | None = None) -> Plan:
     )
 
 
-def demonstrations(trial: Trial, place: Place, audience: Audience) -> Path | None:
+def demonstrations(trial: Trial, context: CellContext, callbacks: Callbacks) -> Path | None:
     """Collect demonstrations of an unusual style; None for usual ones, which the run collects itself."""
     usual = collect.Config(trial.task, trial.shown, trial.seed)
     config = replace(usual, style=trial.style, failing=trial.failing)
     if config == usual:
         return None
-    audience.begin(f"collect {trial.style} demonstrations")
-    return place.store.run(collect.STAGE, config, {}, audience.watch) / DEMONSTRATIONS
+    callbacks.begin(f"collect {trial.style} demonstrations")
+    return context.store.run(collect.STAGE, config, {}, callbacks.watch) / DEMONSTRATIONS
 
 
 @dataclass
-class Witness:
+class SynthesisObserver:
     """Keeps every program that was trained for the task itself, and when.
 
     Args:
-        audience: who hears of everything, too.
-        tally: counts control steps.
+        callbacks: who hears of everything, too.
+        counter: counts control steps.
         start: when the work began.
         seconds: that trainings and rollouts took, as the store remembers it.
         took: seconds until the last event before the final evaluation.
@@ -201,8 +201,8 @@ class Witness:
         profile: what was learned from.
     """
 
-    audience: Audience
-    tally: Tally = field(default_factory=Tally)
+    callbacks: Callbacks
+    counter: ControlStepCounter = field(default_factory=ControlStepCounter)
     start: float = field(default_factory=perf_counter)
     seconds: float = 0.0
     took: float = 0.0
@@ -218,7 +218,7 @@ class Witness:
 
     def listen(self, event: Event) -> None:
         """Hear what happens."""
-        self.tally.listen(event)
+        self.counter.listen(event)
         if not isinstance(event, Evaluated | Packaged):
             self.took = self.elapsed
         match event:
@@ -231,23 +231,23 @@ class Witness:
             case Trained(goal, _, metrics):
                 self._spent(metrics.parent)
                 if goal == ROOT:
-                    self.programs.append((self.tally.env_steps, self.elapsed, self._program, metrics.parent))
+                    self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
             case _:
                 pass
-        self.audience.listen(event)
+        self.callbacks.listen(event)
 
     def _spent(self, out: Path) -> None:
         self.seconds += float(read_json(out / TIMING)["wall_seconds"])
 
 
-def _synthesize(plan: Plan, checked: int, place: Place, audience: Audience, out: Path) -> None:
+def _synthesize(plan: Plan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a cell."""
-    commit, witness = checkout_commit(), Witness(audience)
-    session = Session(plan, place.home, "local", out / DIRECTORY, place.track)
-    result = session.run(Audience(audience.begin, witness.listen, audience.watch))
-    points = tuple(_measured(plan, checked, place, audience, kept) for kept in witness.programs)
+    commit, witness = checkout_commit(), SynthesisObserver(callbacks)
+    session = SynthesisRun(plan, context.home, "local", out / DIRECTORY, context.track)
+    result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
+    points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in witness.programs)
     if isinstance(result, Fail):
-        last = Point(witness.tally.env_steps, 0, plan.episodes, witness.took, final=True)
+        last = Point(witness.counter.env_steps, 0, plan.episodes, witness.took, final=True)
         record = Record((*points, last), witness.profile, witness.digest, commit, None, NO_PROGRAM, result.reason)
     else:
         last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
@@ -256,11 +256,11 @@ def _synthesize(plan: Plan, checked: int, place: Place, audience: Audience, out:
     write_record(out, record)
 
 
-def _train(plan: BaselinePlan, place: Place, audience: Audience, out: Path) -> None:
+def _train(plan: BaselinePlan, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a baseline's cell."""
-    commit, witness = checkout_commit(), Witness(audience)
-    session = BaselineSession(plan, place.home, "local", out / DIRECTORY, place.track)
-    result = session.run(Audience(audience.begin, witness.listen, audience.watch))
+    commit, witness = checkout_commit(), SynthesisObserver(callbacks)
+    session = BaselineRun(plan, context.home, "local", out / DIRECTORY, context.track)
+    result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
     profile = RECIPES[plan.method].profile
     if isinstance(result, Fail):
         last = Point(0, 0, plan.episodes, witness.took, final=True)
@@ -287,20 +287,20 @@ def _successes(result: Mapping[str, Json]) -> int:
 
 
 def _measured(
-    plan: Plan, checked: int, place: Place, audience: Audience, kept: tuple[int, float, bytes, Path]
+    plan: Plan, checked: int, context: CellContext, callbacks: Callbacks, kept: tuple[int, float, bytes, Path]
 ) -> Point:
     """Measure a program that was trained on the way, on the first of the episodes of the final evaluation."""
     steps, seconds, text, trained = kept
-    store = place.store
+    store = context.store
     inputs = {
         "program": store.put(PROGRAM, text),
         "controllers": trained / DESCRIPTIONS,
         "weights": trained / WEIGHTS,
         "limits": trained / LIMITS,
     }
-    audience.begin(f"evaluate what was trained after {steps} control steps")
+    callbacks.begin(f"evaluate what was trained after {steps} control steps")
     config = evaluate.Config(plan.task, plan.seed, checked, plan.training.confirm)
-    figures = read_json(store.run(evaluate.STAGE, config, inputs, audience.watch) / OUTCOME)
+    figures = read_json(store.run(evaluate.STAGE, config, inputs, callbacks.watch) / OUTCOME)
     return Point(steps, int(figures["successes"]), int(figures["episodes"]), seconds)
 
 

@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from uuid import UUID
 
-from pipelines.paper.cells import Cell, Place
-from pipelines.paper.running import unheard
-from pipelines.prefect_records import wait_for_records
-from pipelines.prefect_settings import quiet_prefect
 from roboscribe.errors import TaskError
+from roboscribe.pipelines.flows.prefect_records import wait_for_records
+from roboscribe.pipelines.flows.prefect_settings import configure_prefect
+from roboscribe.pipelines.paper.cell_runner import no_callbacks
+from roboscribe.pipelines.paper.cells import Cell, CellContext
 
 
-def compute_with_dask(title: str, cells: Sequence[Cell], place: Place, workers: int, address: str) -> None:
-    """Compute cells on a cluster; what they find lies in the store of `place`, which all workers have to see.
+def compute_with_dask(title: str, cells: Sequence[Cell], context: CellContext, workers: int, address: str) -> None:
+    """Compute cells on a cluster; what they find lies in the store of `context`, which all workers have to see.
 
     Args:
         title: name of the flow.
         cells: what is computed.
-        place: where.
+        context: where.
         workers: processes of a cluster of this machine, one thread each.
         address: of a running scheduler instead.
 
@@ -26,7 +26,7 @@ def compute_with_dask(title: str, cells: Sequence[Cell], place: Place, workers: 
         TaskError: prefect-dask is not installed.
         KeyboardInterrupt: the process was asked to end while the flow was running.
     """
-    quiet_prefect()
+    configure_prefect()
     try:
         from prefect_dask import DaskTaskRunner
     except ImportError as error:
@@ -43,8 +43,8 @@ def compute_with_dask(title: str, cells: Sequence[Cell], place: Place, workers: 
 
     @task(name="cell", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
     def compute(label: str, number: int) -> None:
-        quiet_prefect()
-        cells[number].run(place, unheard())
+        configure_prefect()
+        cells[number].run(context, no_callbacks())
 
     @flow(name=title, flow_run_name=title, retries=0, persist_result=False, task_runner=chosen)
     def computing(count: int) -> None:

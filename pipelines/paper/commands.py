@@ -11,10 +11,10 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from pipelines.options import PROGRAM_HELP, HomeDir
+from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir
 
 if TYPE_CHECKING:
-    from pipelines.paper.experiment import Desk, Done, Options
+    from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 
 T = TypeVar("T")
 NO_PROGRAM = 3
@@ -73,7 +73,7 @@ def curves(
     home: HomeDir = Path(),
 ) -> None:
     """Draw success over control steps by task and method (Fig. 19); it goes on where it was interrupted."""
-    from pipelines.paper.curves import draw_curves
+    from roboscribe.pipelines.paper.curves import draw_curves
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
     _end(draw_curves(options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -95,7 +95,7 @@ def table1(
     home: HomeDir = Path(),
 ) -> None:
     """Count the refinements of the syntheses of `paper curves` (Table 1)."""
-    from pipelines.paper.curves import make_table1
+    from roboscribe.pipelines.paper.curves import make_table1
 
     options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
     _end(make_table1(options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -117,7 +117,7 @@ def demos(
     home: HomeDir = Path(),
 ) -> None:
     """Synthesize from few and many demonstrations, of several styles (Sec. 5.1)."""
-    from pipelines.paper.demos import draw_demos
+    from roboscribe.pipelines.paper.demos import draw_demos
 
     options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
     _end(draw_demos(options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -147,7 +147,7 @@ def towers(
     home: HomeDir = Path(),
 ) -> None:
     """Measure how programs for one tower build others (Fig. 21)."""
-    from pipelines.paper.towers import Experiment, measure_towers
+    from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick, programs=program)
     usual = Experiment()
@@ -172,7 +172,7 @@ def confined(
     home: HomeDir = Path(),
 ) -> None:
     """Learn only the guards of Push-3's programs again, for goals where the order matters (Sec. 5.3)."""
-    from pipelines.paper.confined import Confinement, measure_confined
+    from roboscribe.pipelines.paper.confined import Confinement, measure_confined
 
     options = _options(None, method, profile, seeds, episodes, budget, quick=quick, programs=program)
     _end(measure_confined(Confinement(), options, _desk(home, engine, runner, workers, dask_address, out), console))
@@ -195,7 +195,7 @@ def everything(
     home: HomeDir = Path(),
 ) -> None:
     """Do all experiments, cheapest first."""
-    from pipelines.paper.everything import do_everything, expectation
+    from roboscribe.pipelines.paper.everything import do_everything, expectation
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
     _say(expectation(options))
@@ -226,8 +226,8 @@ def _options(
     Raises:
         TaskError: an unknown method, profile or budget.
     """
-    from pipelines.paper.experiment import Options
-    from pipelines.paper.methods import check_method, check_profile
+    from roboscribe.pipelines.paper.experiment import Options
+    from roboscribe.pipelines.paper.methods import check_method, check_profile
 
     methods = tuple(check_method(name) for name in _several(method, ()))
     profiles = tuple(check_profile(name) for name in _several(profile, ()))
@@ -235,19 +235,21 @@ def _options(
     return Options(tasks, methods, profiles, seeds, episodes, budget, quick, given)
 
 
-def _desk(home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None) -> Desk:
+def _desk(
+    home: Path, engine: EngineName, runner: RunnerName, workers: int, address: str, out: Path | None
+) -> ExperimentContext:
     """Say where and how the work is done."""
-    from pipelines.home import Home
-    from pipelines.paper.experiment import Desk
-    from pipelines.paper.running import Runner
+    from roboscribe.pipelines.paper.cell_runner import Runner
+    from roboscribe.pipelines.paper.experiment import ExperimentContext
+    from roboscribe.pipelines.workspace import Workspace
 
     _make_room(out)
     parallel = runner is RunnerName.dask or bool(address)
     chosen = Runner("local" if engine is EngineName.local else "prefect", workers * parallel, address)
-    return Desk(Home(home), chosen, out)
+    return ExperimentContext(Workspace(home), chosen, out)
 
 
-def _end(done: Done) -> None:
+def _end(done: ExperimentResult) -> None:
     """Print what was found; exit code 3 where a synthesis found no program."""
     if done.summary:
         _say(done.summary)

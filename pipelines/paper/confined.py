@@ -9,31 +9,39 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pipelines import adapting
-from pipelines.adapting import adapt_saved, loop_lines, save
-from pipelines.audience import Audience
-from pipelines.checkout import checkout_commit
-from pipelines.paper.cells import Place, Transfer
-from pipelines.paper.experiment import Desk, Done, Options, existing, failures_of, finish, run_trials
-from pipelines.paper.given import Given, given_program
-from pipelines.paper.methods import budget_of
-from pipelines.paper.running import run_cells
 from roboscribe.errors import ArtifactError, Fail
-from roboscribe.evaluation import spell_success
+from roboscribe.evaluation import format_success
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.saved_program import load_program
+from roboscribe.pipelines import adaptation
+from roboscribe.pipelines.adaptation import adapt_saved, loop_lines, save
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.paper.cell_runner import run_cells
+from roboscribe.pipelines.paper.cells import CellContext, Transfer
+from roboscribe.pipelines.paper.experiment import (
+    ExperimentContext,
+    ExperimentResult,
+    Options,
+    existing,
+    failures_of,
+    finish,
+    run_trials,
+)
+from roboscribe.pipelines.paper.given_programs import GivenProgram, given_program
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.pipelines.source_commit import checkout_commit
 from roboscribe.programs import shipped_names
-from stages import collect, transfer
-from stages.code_version import code_version
-from stages.experiment import Child
-from stages.files import OUTCOME, read_fail, read_json, write_fail, write_json
-from stages.package import DIRECTORY
-from stages.paper import confined
-from stages.paper.confined import NEW, OLD, ZERO_SHOT, Measurement, tabulate
-from stages.paper.rows import OURS, Trial
-from stages.progress import Report
-from stages.store import TIMING, Inputs, Stage
-from stages.world import DEMONSTRATIONS, TaskConfig
+from roboscribe.stages import collect, transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper import confined
+from roboscribe.stages.paper.confined import NEW, OLD, ZERO_SHOT, Measurement, tabulate
+from roboscribe.stages.paper.rows import OURS, Trial
+from roboscribe.stages.runtime.code_version import code_version
+from roboscribe.stages.runtime.files import OUTCOME, read_fail, read_json, write_fail, write_json
+from roboscribe.stages.runtime.progress import Report
+from roboscribe.stages.runtime.store import TIMING, Inputs, Stage
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
+from roboscribe.stages.tracking.experiment import ChildRun
 
 TITLE = "paper confined"
 SOURCE = "source.json"
@@ -56,7 +64,9 @@ class Confinement:
     task: str = "push-confined-3"
 
 
-def measure_confined(experiment: Confinement, options: Options, desk: Desk, console: Console) -> Done:
+def measure_confined(
+    experiment: Confinement, options: Options, context: ExperimentContext, console: Console
+) -> ExperimentResult:
     """Take programs, learn their guards again, and measure both; policies of baselines are measured as they are.
 
     Raises:
@@ -65,34 +75,37 @@ def measure_confined(experiment: Confinement, options: Options, desk: Desk, cons
     """
     missing = existing((experiment.trained, experiment.task))[1]
     if missing:
-        return Done("", (), missing)
+        return ExperimentResult("", (), missing)
     options = options.quickly()
     if options.quick and not options.programs:
         if experiment.trained not in shipped_names():
-            return Done("", (), (f"a shipped program for {experiment.trained}, which a quick run measures,",))
+            return ExperimentResult(
+                "", (), (f"a shipped program for {experiment.trained}, which a quick run measures,",)
+            )
         options = replace(options, programs=(experiment.trained,))
     with ExitStack() as stack:
         if options.programs:
             given = [
-                _fitting(stack.enter_context(given_program(name, desk.home)), experiment) for name in options.programs
+                _fitting(stack.enter_context(given_program(name, context.home)), experiment)
+                for name in options.programs
             ]
             failures: tuple[str, ...] = ()
         else:
-            outcomes = run_trials(TITLE, trials_of(experiment, options), desk, console)
+            outcomes = run_trials(TITLE, trials_of(experiment, options), context, console)
             failures = failures_of(outcomes)
             given = [
-                Given(each.trial.task.name, each.trial.method, each.record.profile, each.trial.seed, where)
+                GivenProgram(each.trial.task.name, each.trial.method, each.record.profile, each.trial.seed, where)
                 for each in outcomes
                 if (where := each.directory / DIRECTORY).is_dir()
             ]
-        ways, unexplained = _ways(given, experiment, desk, console)
-        measured = _measured(ways, experiment, options, desk, console)
+        ways, unexplained = _ways(given, experiment, context, console)
+        measured = _measured(ways, experiment, options, context, console)
     failures = (*failures, *unexplained)
     if not measured:
-        return Done("", failures)
+        return ExperimentResult("", failures)
     report = confined.report(tabulate(measured), quick=options.quick)
     children = [_child(each) for each in measured]
-    return finish("confined", report, options, desk, failures=failures, keys=KEYS, children=children)
+    return finish("confined", report, options, context, failures=failures, keys=KEYS, children=children)
 
 
 def trials_of(experiment: Confinement, options: Options) -> list[Trial]:
@@ -113,7 +126,7 @@ def trials_of(experiment: Confinement, options: Options) -> list[Trial]:
     ]
 
 
-def _fitting(given: Given, experiment: Confinement) -> Given:
+def _fitting(given: GivenProgram, experiment: Confinement) -> GivenProgram:
     if given.task != experiment.trained:
         msg = f"program {given.directory}: was made for task {given.task}, expected {experiment.trained}"
         raise ArtifactError(msg)
@@ -131,7 +144,7 @@ class Way:
         demonstrations: SHA-256 of those of the confined task; "" where none were used.
     """
 
-    given: Given
+    given: GivenProgram
     way: str
     directory: Path
     demonstrations: str = ""
@@ -170,19 +183,19 @@ class Adaptation:
         task: that is shown.
     """
 
-    given: Given
+    given: GivenProgram
     task: str
 
     def __str__(self) -> str:
         return f"adapt {self.given.task} seed {self.given.seed} to {self.task}"
 
-    def run(self, place: Place, audience: Audience) -> Path:
+    def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Learn the guard again; leaves `program/`, or the reason why there is none."""
-        audience.begin(str(self))
+        callbacks.begin(str(self))
         wanted = collect.Config(TaskConfig(self.task), SHOWN, self.given.seed)
-        shown = place.store.run(collect.STAGE, wanted, {}, audience.watch) / DEMONSTRATIONS
+        shown = context.store.run(collect.STAGE, wanted, {}, callbacks.watch) / DEMONSTRATIONS
         inputs = {**transfer.inputs_of(self.given.directory), "demonstrations": shown}
-        config = AdaptationConfig(self.task, code_version("roboscribe.adapt"), sha256_of(Path(adapting.__file__)))
+        config = AdaptationConfig(self.task, code_version("roboscribe.adapt"), sha256_of(Path(adaptation.__file__)))
 
         def work(config: AdaptationConfig, inputs: Inputs, out: Path, report: Report) -> None:
             adapted = adapt_saved(self.given.directory, inputs["demonstrations"], config.task)
@@ -192,16 +205,16 @@ class Adaptation:
                 save(adapted, out / DIRECTORY, self.given.directory)
                 write_json(out / SOURCE, {"demonstrations": sha256_of(inputs["demonstrations"])})
 
-        return place.store.run(Stage("adapt", AdaptationConfig, work), config, inputs)
+        return context.store.run(Stage("adapt", AdaptationConfig, work), config, inputs)
 
 
 def _ways(
-    given: Sequence[Given], experiment: Confinement, desk: Desk, console: Console
+    given: Sequence[GivenProgram], experiment: Confinement, context: ExperimentContext, console: Console
 ) -> tuple[list[Way], tuple[str, ...]]:
     """Adapt every program; returns what is measured, and which guards could not be learned."""
     programs = [each for each in given if each.method == OURS]
     cells = [Adaptation(each, experiment.task) for each in programs]
-    outs = run_cells(f"{TITLE}, guards", cells, desk.place, desk.runner, console)
+    outs = run_cells(f"{TITLE}, guards", cells, context.cell_context, context.runner, console)
     ways = [Way(each, OLD, each.directory) for each in programs]
     failures = []
     for each, cell, out in zip(programs, cells, outs, strict=True):
@@ -215,14 +228,19 @@ def _ways(
 
 
 def _measured(
-    ways: Sequence[Way], experiment: Confinement, options: Options, desk: Desk, console: Console
+    ways: Sequence[Way], experiment: Confinement, options: Options, context: ExperimentContext, console: Console
 ) -> list[Measurement]:
     """Measure every program with either guard, every policy as it is."""
     where = TaskConfig(experiment.task)
     configs = [transfer.Config(where, way.given.seed, options.episodes) for way in ways]
     cells = [Transfer(f"{way} on {where.name}", way.directory, c) for way, c in zip(ways, configs, strict=True)]
     outs = run_cells(
-        TITLE, cells, desk.place, desk.runner, console, lambda _, out: spell_success(read_json(out / OUTCOME))
+        TITLE,
+        cells,
+        context.cell_context,
+        context.runner,
+        console,
+        lambda _, out: format_success(read_json(out / OUTCOME)),
     )
     commit = checkout_commit()
     return [
@@ -247,7 +265,7 @@ def _measured(
     ]
 
 
-def _child(each: Measurement) -> Child:
+def _child(each: Measurement) -> ChildRun:
     """Return a measurement as it is tracked."""
     params = {
         "task": each.task,
@@ -263,4 +281,4 @@ def _child(each: Measurement) -> Child:
     }
     metrics = {name: float(each.figures[name]) for name in confined.FIGURES}
     name = f"{each.method} seed {each.seed}, {each.way}, on {each.task}"
-    return Child(name, params, metrics, demonstrations=each.demonstrations)
+    return ChildRun(name, params, metrics, demonstrations=each.demonstrations)

@@ -8,10 +8,11 @@ from itertools import product
 
 from rich.console import Console
 
-from pipelines.paper.cells import Transfer
-from pipelines.paper.experiment import (
-    Desk,
-    Done,
+from roboscribe.pipelines.paper.cell_runner import run_cells
+from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.experiment import (
+    ExperimentContext,
+    ExperimentResult,
     Options,
     Outcome,
     children_of,
@@ -21,15 +22,14 @@ from pipelines.paper.experiment import (
     run_trials,
     table_of,
 )
-from pipelines.paper.methods import MOST_QUICK, budget_of, every_method
-from pipelines.paper.running import run_cells
-from stages import transfer
-from stages.files import OUTCOME, read_json
-from stages.package import DIRECTORY
-from stages.paper import curves, table1
-from stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
-from stages.paper.values import REPORTED
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.methods import MOST_QUICK, budget_of, every_method
+from roboscribe.stages import transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper import curves, table1
+from roboscribe.stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
+from roboscribe.stages.paper.values import REPORTED
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 PROFILES = ("actions", "states")
 """Profiles that are drawn; `paper` takes half an hour per seed of one block and is drawn on demand."""
@@ -53,7 +53,7 @@ def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) ->
     ]
 
 
-def draw_curves(options: Options, desk: Desk, console: Console) -> Done:
+def draw_curves(options: Options, context: ExperimentContext, console: Console) -> ExperimentResult:
     """Run every method on every task, draw success over control steps, and measure what was found in the end.
 
     Raises:
@@ -63,16 +63,18 @@ def draw_curves(options: Options, desk: Desk, console: Console) -> Done:
     options = options.quickly()
     tasks, missing = chosen_tasks(options, tuple(REPORTED))
     built = [task for task in tasks if task not in missing]
-    outcomes = run_trials("paper curves", trials_of(options, built, methods), desk, console)
+    outcomes = run_trials("paper curves", trials_of(options, built, methods), context, console)
     failures = failures_of(outcomes)
     if not outcomes:
-        return Done("", failures, missing)
-    rows = [] if options.quick else _elsewhere(outcomes, desk, console)
+        return ExperimentResult("", failures, missing)
+    rows = [] if options.quick else _elsewhere(outcomes, context, console)
     report = curves.report(table_of(outcomes, rows), tasks, missing, quick=options.quick)
-    return finish("curves", report, options, desk, missing=missing, failures=failures, children=children_of(outcomes))
+    return finish(
+        "curves", report, options, context, missing=missing, failures=failures, children=children_of(outcomes)
+    )
 
 
-def _elsewhere(outcomes: Sequence[Outcome], desk: Desk, console: Console) -> list[Row]:
+def _elsewhere(outcomes: Sequence[Outcome], context: ExperimentContext, console: Console) -> list[Row]:
     """Measure the final programs under the paper's contact model, where a task has one."""
     found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith("point-")]
     trials = [replace(each.trial, task=replace(each.trial.task, contact="paper")) for each in found]
@@ -80,7 +82,7 @@ def _elsewhere(outcomes: Sequence[Outcome], desk: Desk, console: Console) -> lis
         Transfer(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
         for each, trial in zip(found, trials, strict=True)
     ]
-    outs = run_cells("paper curves, paper contact", cells, desk.place, desk.runner, console)
+    outs = run_cells("paper curves, paper contact", cells, context.cell_context, context.runner, console)
     rows: list[Row] = []
     for each, trial, out in zip(found, trials, outs, strict=True):
         figures, last = read_json(out / OUTCOME), each.record.points[-1]
@@ -98,7 +100,7 @@ def _only(record: Record, point: Point) -> Record:
     return replace(record, points=(point,))
 
 
-def make_table1(options: Options, desk: Desk, console: Console) -> Done:
+def make_table1(options: Options, context: ExperimentContext, console: Console) -> ExperimentResult:
     """Count the refinements of the syntheses of `paper curves`, which are done where they are not there yet.
 
     Raises:
@@ -108,9 +110,11 @@ def make_table1(options: Options, desk: Desk, console: Console) -> Done:
     tasks, missing = chosen_tasks(options, tuple(REPORTED))
     built = [task for task in tasks if task not in missing]
     usual = replace(options, profiles=options.profiles or PROFILES[:1])
-    outcomes = run_trials("paper table1", trials_of(usual, built, (OURS,)), desk, console)
+    outcomes = run_trials("paper table1", trials_of(usual, built, (OURS,)), context, console)
     failures = failures_of(outcomes)
     if not outcomes:
-        return Done("", failures, missing)
+        return ExperimentResult("", failures, missing)
     report = table1.report(table_of(outcomes), tasks, missing, quick=options.quick)
-    return finish("table1", report, options, desk, missing=missing, failures=failures, children=children_of(outcomes))
+    return finish(
+        "table1", report, options, context, missing=missing, failures=failures, children=children_of(outcomes)
+    )

@@ -7,9 +7,9 @@ from itertools import product
 
 from rich.console import Console
 
-from pipelines.paper.experiment import (
-    Desk,
-    Done,
+from roboscribe.pipelines.paper.experiment import (
+    ExperimentContext,
+    ExperimentResult,
     Options,
     children_of,
     chosen_tasks,
@@ -18,11 +18,11 @@ from pipelines.paper.experiment import (
     run_trials,
     table_of,
 )
-from pipelines.paper.methods import budget_of
-from stages.paper import demos
-from stages.paper.rows import OURS, Trial
-from stages.paper.values import DEMONSTRATIONS
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.stages.paper import demos
+from roboscribe.stages.paper.rows import OURS, Trial
+from roboscribe.stages.paper.values import DEMONSTRATIONS
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 Way = tuple[int, str, float]
 """Demonstrations, their style, and the share of them that fails."""
@@ -61,7 +61,7 @@ def ways_of(task: str, *, quick: bool) -> tuple[Way, ...]:
     return QUICK_WAYS if quick else WAYS.get(task, SIZES)
 
 
-def draw_demos(options: Options, desk: Desk, console: Console) -> Done:
+def draw_demos(options: Options, context: ExperimentContext, console: Console) -> ExperimentResult:
     """Synthesize from every number of demonstrations; 50 of the usual style are those of `paper curves`.
 
     Raises:
@@ -70,9 +70,9 @@ def draw_demos(options: Options, desk: Desk, console: Console) -> Done:
     options = options.quickly((demos.TASK,))
     tasks, missing = chosen_tasks(options, tuple(WAYS))
     trials = trials_of(options, [task for task in tasks if task not in missing])
-    outcomes = run_trials("paper demos", trials, desk, console)
+    outcomes = run_trials("paper demos", trials, context, console)
     failures = failures_of(outcomes)
     if not outcomes:
-        return Done("", failures, missing)
+        return ExperimentResult("", failures, missing)
     report = demos.report(table_of(outcomes), tasks, missing, quick=options.quick)
-    return finish("demos", report, options, desk, missing=missing, failures=failures, children=children_of(outcomes))
+    return finish("demos", report, options, context, missing=missing, failures=failures, children=children_of(outcomes))

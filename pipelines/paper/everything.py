@@ -8,19 +8,19 @@ from typing import TypeAlias
 
 from rich.console import Console
 
-from pipelines.paper.confined import Confinement, measure_confined
-from pipelines.paper.curves import draw_curves, make_table1
-from pipelines.paper.demos import draw_demos
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.towers import Experiment, measure_towers
-from stages.paper.rows import OURS
+from roboscribe.pipelines.paper.confined import Confinement, measure_confined
+from roboscribe.pipelines.paper.curves import draw_curves, make_table1
+from roboscribe.pipelines.paper.demos import draw_demos
+from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
+from roboscribe.pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.stages.paper.rows import OURS
 
-Conduct: TypeAlias = Callable[[Options, Desk, Console], Done]
+Conduct: TypeAlias = Callable[[Options, ExperimentContext, Console], ExperimentResult]
 EXPERIMENTS: dict[str, tuple[float, Conduct]] = {
     "table1": (0.6, make_table1),
     "demos": (0.5, draw_demos),
-    "confined": (0.3, lambda options, desk, console: measure_confined(Confinement(), options, desk, console)),
-    "towers": (0.8, lambda options, desk, console: measure_towers(Experiment(), options, desk, console)),
+    "confined": (0.3, lambda options, context, console: measure_confined(Confinement(), options, context, console)),
+    "towers": (0.8, lambda options, context, console: measure_towers(Experiment(), options, context, console)),
     "curves": (1.5, draw_curves),
 }
 """By name, cheapest first: core-hours of programs per seed where nothing is in the store, and what does it."""
@@ -30,17 +30,17 @@ QUICK_HOURS = 0.03
 """The same of one experiment of a quick run."""
 
 
-def do_everything(options: Options, desk: Desk, console: Console) -> dict[str, Done]:
+def do_everything(options: Options, context: ExperimentContext, console: Console) -> dict[str, ExperimentResult]:
     """Do all experiments; given tasks hold for those that are about single tasks.
 
     Raises:
         TaskError: an unknown task or method.
     """
-    done: dict[str, Done] = {}
+    done: dict[str, ExperimentResult] = {}
     for name, (_, conduct) in EXPERIMENTS.items():
         own = options if name not in ("confined", "towers") else replace(options, tasks=())
-        out = None if desk.out is None else desk.out / name
-        done[name] = conduct(own, replace(desk, out=out), console)
+        out = None if context.out is None else context.out / name
+        done[name] = conduct(own, replace(context, out=out), console)
     return done
 
 

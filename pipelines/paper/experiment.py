@@ -11,22 +11,22 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from pipelines.checkout import ROOT, checkout_commit
-from pipelines.home import Home
-from pipelines.paper.cells import Place, cell_of
-from pipelines.paper.running import Runner, run_cells
 from roboscribe.errors import TaskError
-from roboscribe.evaluation import spell_success
+from roboscribe.evaluation import format_success
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
-from stages.code_version import code_version
-from stages.experiment import Child, track_experiment
-from stages.paper.curves import cell_metrics
-from stages.paper.report import About, Report, report_files
-from stages.paper.rows import CELL_COLUMNS, Record, Row, Trial, read_record, rows_of, tabulate
-from stages.paper.since import COMMIT, changes, newest
-from stages.settings import encode
-from stages.store import locked
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper.cell_runner import Runner, run_cells
+from roboscribe.pipelines.paper.cells import CellContext, cell_of
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.stages.paper.curves import cell_metrics
+from roboscribe.stages.paper.report import About, Report, report_files
+from roboscribe.stages.paper.rows import CELL_COLUMNS, Record, Row, Trial, read_record, rows_of, tabulate
+from roboscribe.stages.paper.since import COMMIT, changes, newest
+from roboscribe.stages.runtime.code_version import ROOT, code_version
+from roboscribe.stages.runtime.configuration import encode
+from roboscribe.stages.runtime.store import locked
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import ChildRun, track_experiment
 
 QUICK_STEPS, QUICK_EPISODES = 100_000, 50
 QUICK_TASKS = ("pick-place-1", "point-pick-place-1")
@@ -88,7 +88,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Desk:
+class ExperimentContext:
     """Where an experiment is done.
 
     Args:
@@ -98,19 +98,19 @@ class Desk:
         track: whether MLflow is told.
     """
 
-    home: Home
+    home: Workspace
     runner: Runner = field(default_factory=Runner)
     out: Path | None = None
     track: bool = True
 
     @property
-    def place(self) -> Place:
+    def cell_context(self) -> CellContext:
         """Where cells are computed."""
-        return Place(self.home, self.track)
+        return CellContext(self.home, self.track)
 
 
 @dataclass(frozen=True)
-class Done:
+class ExperimentResult:
     """What an experiment leaves.
 
     Args:
@@ -175,7 +175,7 @@ class Outcome:
         return rows_of(self.trial, self.record)
 
 
-def run_trials(title: str, trials: Sequence[Trial], desk: Desk, console: Console) -> list[Outcome]:
+def run_trials(title: str, trials: Sequence[Trial], context: ExperimentContext, console: Console) -> list[Outcome]:
     """Run every trial, or find it in the store."""
     cells = [cell_of(trial) for trial in trials]
 
@@ -184,9 +184,9 @@ def run_trials(title: str, trials: Sequence[Trial], desk: Desk, console: Console
         if record.reason:
             return f"{record.ended}: {record.reason}"
         last = rows_of(trials[number], record)[-1]
-        return f"{spell_success(last)}, {last['control_steps']} control steps"
+        return f"{format_success(last)}, {last['control_steps']} control steps"
 
-    found = run_cells(title, cells, desk.place, desk.runner, console, say)
+    found = run_cells(title, cells, context.cell_context, context.runner, console, say)
     return [Outcome(trial, read_record(out), out) for trial, out in zip(trials, found, strict=True)]
 
 
@@ -204,21 +204,21 @@ def finish(
     name: str,
     report: Report,
     options: Options,
-    desk: Desk,
+    context: ExperimentContext,
     *,
     missing: Sequence[str] = (),
     failures: Sequence[str] = (),
     keys: Sequence[str] = CELL_COLUMNS,
-    children: Sequence[Child] = (),
+    children: Sequence[ChildRun] = (),
     words: Sequence[str] = (),
-) -> Done:
+) -> ExperimentResult:
     """Write the report's files and track them.
 
     Args:
         name: of the experiment.
         report: its table, text and pictures.
         options: what was asked for.
-        desk: where it was done.
+        context: where it was done.
         missing: tasks that do not exist yet.
         failures: cells without a result, and why.
         keys: columns that tell one cell from another.
@@ -226,7 +226,7 @@ def finish(
         words: further options of the command line.
     """
     commit, title = checkout_commit(), f"paper {name}"
-    earlier = newest(desk.home.data / "runs", title, name, commit, quick=options.quick)
+    earlier = newest(context.home.data / "runs", title, name, commit, quick=options.quick)
     about = About(
         name,
         shlex.join(["roboscribe", "paper", name, *options.words(), *words]),
@@ -238,25 +238,30 @@ def finish(
         {"asked": encode(options)},
     )
     files = report_files(report, about)
-    out = desk.out or desk.home.data / "paper" / (f"{name}-quick" if options.quick else name)
+    out = context.out or context.home.data / "paper" / (f"{name}-quick" if options.quick else name)
     out.mkdir(parents=True, exist_ok=True)
     write_files({out / file: data for file, data in files.items()})
     summary = files[f"{name}.md"].decode()
-    run_id = _track(title, report, about, files, desk, children) if desk.track else None
-    return Done(summary, tuple(failures), tuple(missing), out, run_id)
+    run_id = _track(title, report, about, files, context, children) if context.track else None
+    return ExperimentResult(summary, tuple(failures), tuple(missing), out, run_id)
 
 
 def _track(
-    title: str, report: Report, about: About, files: Mapping[str, bytes], desk: Desk, children: Sequence[Child]
+    title: str,
+    report: Report,
+    about: About,
+    files: Mapping[str, bytes],
+    context: ExperimentContext,
+    children: Sequence[ChildRun],
 ) -> str | None:
     """Tell MLflow of the run and of its cells; the same run told again is the same run."""
     identity: Json = {
         "command": about.command,
         "commit": about.commit,
         "table": hashlib.sha256(files[f"{about.name}.csv"]).hexdigest(),
-        "code": code_version("stages.paper.curves"),
+        "code": code_version("roboscribe.stages.paper.curves"),
     }
-    directory = desk.home.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
+    directory = context.home.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
     directory.mkdir(parents=True, exist_ok=True)
     params = {"quick": str(about.quick), "command": about.command}
     lock = ROOT / "requirements.lock"
@@ -266,15 +271,15 @@ def _track(
         "roboscribe.lock": sha256_of(lock) if lock.is_file() else "",
     }
     with locked(directory):
-        return track_experiment(directory, desk.home.mlruns, title, title, params, {}, files, tags, children)
+        return track_experiment(directory, context.home.mlruns, title, title, params, {}, files, tags, children)
 
 
-def children_of(outcomes: Sequence[Outcome]) -> list[Child]:
+def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:
     """Return the cells of trials as they are tracked: parameters, figures of the end, and the curve."""
     return [_child(each) for each in outcomes]
 
 
-def _child(each: Outcome) -> Child:
+def _child(each: Outcome) -> ChildRun:
     rows, trial = each.rows, each.trial
     last = rows[-1]
     names = ("task", "method", "profile", "seed", "budget", "contact", "timing", "shown", "style", "failing", "quick")
@@ -283,4 +288,4 @@ def _child(each: Outcome) -> Child:
     refined = {} if each.record.refinements is None else {"refinements": float(each.record.refinements)}
     metrics = {**cell_metrics(last), **refined}
     tags = {COMMIT: each.record.commit, **({"reason": each.record.reason} if each.record.reason else {})}
-    return Child(str(trial), params, metrics, tuple(curve), each.record.demonstrations, tags)
+    return ChildRun(str(trial), params, metrics, tuple(curve), each.record.demonstrations, tags)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pipelines.paper.experiment import QUICK_STEPS, Options
 from roboscribe.baselines.config import METHODS
 from roboscribe.errors import TaskError
-from stages.paper.rows import OURS
-from stages.paper.values import REPORTED
+from roboscribe.pipelines.paper.experiment import QUICK_STEPS, Options
+from roboscribe.stages.paper.rows import OURS
+from roboscribe.stages.paper.values import REPORTED
 
 CLONES = ("bc", "chunked-bc")
 """Baselines whose budget is gradient steps."""

@@ -9,19 +9,19 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from pipelines.prefect_settings import quiet_prefect
+from roboscribe.pipelines.flows.prefect_settings import configure_prefect
 
-quiet_prefect()  # before Prefect is imported, wherever this file is loaded from
+configure_prefect()  # before Prefect is imported, wherever this file is loaded from
 
 from prefect import flow, serve  # noqa: E402 - its settings come first
 from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy  # noqa: E402
 from prefect.settings import PREFECT_API_URL  # noqa: E402
 from rich.console import Console  # noqa: E402
 
-from pipelines.home import Home  # noqa: E402
-from pipelines.paper.experiment import Desk, Options  # noqa: E402
 from roboscribe.errors import TaskError  # noqa: E402
-from stages.paper.rows import OURS  # noqa: E402
+from roboscribe.pipelines.paper.experiment import ExperimentContext, Options  # noqa: E402
+from roboscribe.pipelines.workspace import Workspace  # noqa: E402
+from roboscribe.stages.paper.rows import OURS  # noqa: E402
 
 EVERYTHING = "all"
 SCHEDULES: dict[str, tuple[str, dict[str, object]]] = {
@@ -52,25 +52,25 @@ def scheduled(
     Raises:
         TaskError: no such experiment, or a synthesis found no program.
     """
-    from pipelines.paper.everything import EXPERIMENTS, do_everything
-    from pipelines.paper.methods import check_method
+    from roboscribe.pipelines.paper.everything import EXPERIMENTS, do_everything
+    from roboscribe.pipelines.paper.methods import check_method
 
     if experiment not in (EVERYTHING, *EXPERIMENTS):
         msg = f"unknown experiment {experiment!r}: expected one of {', '.join((EVERYTHING, *EXPERIMENTS))}"
         raise TaskError(msg)
     chosen = tuple(check_method(name) for name in methods or ())
     options = Options(methods=chosen, seeds=seeds, quick=quick)
-    desk, console = Desk(Home(Path(home))), Console()
+    context, console = ExperimentContext(Workspace(Path(home))), Console()
     if experiment == EVERYTHING:
-        done = do_everything(options, desk, console)
+        done = do_everything(options, context, console)
     else:
-        done = {experiment: EXPERIMENTS[experiment][1](options, replace(desk), console)}
+        done = {experiment: EXPERIMENTS[experiment][1](options, replace(context), console)}
     failures = [failure for each in done.values() for failure in each.failures]
     if failures:
         raise TaskError("; ".join(failures))
 
 
-def offer(home: Path) -> None:
+def serve_schedules(home: Path) -> None:
     """Offer the scheduled runs to the server that `PREFECT_API_URL` names, and do them one at a time.
 
     Raises:
@@ -80,9 +80,9 @@ def offer(home: Path) -> None:
         msg = "PREFECT_API_URL is not set; expected the address of a Prefect server, see `prefect server start`"
         raise TaskError(msg)
     limit = ConcurrencyLimitConfig(limit=1, collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
-    place = str(home.resolve())
+    context = str(home.resolve())
     offered = [
-        scheduled.to_deployment(name, cron=when, parameters={**parameters, "home": place}, concurrency_limit=limit)
+        scheduled.to_deployment(name, cron=when, parameters={**parameters, "home": context}, concurrency_limit=limit)
         for name, (when, parameters) in SCHEDULES.items()
     ]
     serve(*offered, limit=1)  # type: ignore[arg-type]  # a coroutine only where called from one

@@ -11,24 +11,31 @@ from pathlib import Path
 
 from rich.console import Console
 
-from pipelines.checkout import checkout_commit
-from pipelines.paper.cells import Transfer
-from pipelines.paper.experiment import Desk, Done, Options, failures_of, finish, run_trials
-from pipelines.paper.given import Given, given_program
-from pipelines.paper.methods import budget_of
-from pipelines.paper.running import run_cells
 from roboscribe.envs.catalogue import CONTACTS
 from roboscribe.errors import ArtifactError
-from roboscribe.evaluation import spell_success
-from stages import transfer
-from stages.experiment import Child
-from stages.files import OUTCOME, read_json
-from stages.package import DIRECTORY
-from stages.paper import towers
-from stages.paper.rows import OURS, Trial
-from stages.paper.towers import Measurement, tabulate
-from stages.paper.values import SUCCESS, TASKS
-from stages.world import TaskConfig
+from roboscribe.evaluation import format_success
+from roboscribe.pipelines.paper.cell_runner import run_cells
+from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.experiment import (
+    ExperimentContext,
+    ExperimentResult,
+    Options,
+    failures_of,
+    finish,
+    run_trials,
+)
+from roboscribe.pipelines.paper.given_programs import GivenProgram, given_program
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.stages import transfer
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.paper import towers
+from roboscribe.stages.paper.rows import OURS, Trial
+from roboscribe.stages.paper.towers import Measurement, tabulate
+from roboscribe.stages.paper.values import SUCCESS, TASKS
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import ChildRun
 
 TITLE = "paper towers"
 SINGLE_TOWER = re.compile(r"tower-([0-9]+)(-crowded)?")
@@ -72,7 +79,9 @@ class Subject:
         return f"{own}tower-{self.trained} seed {self.seed}"
 
 
-def measure_towers(experiment: Experiment, options: Options, desk: Desk, console: Console) -> Done:
+def measure_towers(
+    experiment: Experiment, options: Options, context: ExperimentContext, console: Console
+) -> ExperimentResult:
     """Synthesize the programs or take the given ones, measure each, and write the report.
 
     The same experiment goes on where it was interrupted: finished stages and measurements are in the store.
@@ -90,19 +99,19 @@ def measure_towers(experiment: Experiment, options: Options, desk: Desk, console
     failures: tuple[str, ...] = ()
     with ExitStack() as stack:
         if options.programs:
-            named = [(name, stack.enter_context(given_program(name, desk.home))) for name in options.programs]
+            named = [(name, stack.enter_context(given_program(name, context.home))) for name in options.programs]
             subjects = _distinct([_subject(name, found) for name, found in named])
         else:
-            outcomes = run_trials(TITLE, trials, desk, console)
+            outcomes = run_trials(TITLE, trials, context, console)
             failures = failures_of(outcomes)
             subjects = [
                 Subject(int(each.trial.task.name.rpartition("-")[2]), each.trial.method, each.trial.seed, where)
                 for each in outcomes
                 if (where := each.directory / DIRECTORY).is_dir()
             ]
-        measured = _measured(subjects, places, options, desk, console)
+        measured = _measured(subjects, places, options, context, console)
     if not measured:
-        return Done("", failures)
+        return ExperimentResult("", failures)
     table = tabulate(measured)
     words = _words(experiment)
     children = [_child(each) for each in measured]
@@ -110,7 +119,7 @@ def measure_towers(experiment: Experiment, options: Options, desk: Desk, console
         "towers",
         towers.report(table, quick=options.quick),
         options,
-        desk,
+        context,
         failures=failures,
         keys=towers.KEYS,
         children=children,
@@ -145,7 +154,7 @@ def _quickly(options: Options) -> Options:
     return replace(options.quickly(QUICK), programs=options.programs or QUICK_PROGRAMS)
 
 
-def _subject(name: str, found: Given) -> Subject:
+def _subject(name: str, found: GivenProgram) -> Subject:
     """Say what a given program is.
 
     Raises:
@@ -159,7 +168,11 @@ def _subject(name: str, found: Given) -> Subject:
 
 
 def _measured(
-    subjects: Sequence[Subject], places: Sequence[TaskConfig], options: Options, desk: Desk, console: Console
+    subjects: Sequence[Subject],
+    places: Sequence[TaskConfig],
+    options: Options,
+    context: ExperimentContext,
+    console: Console,
 ) -> list[Measurement]:
     """Measure every subject in every task."""
     pairs = list(product(subjects, places))
@@ -167,7 +180,9 @@ def _measured(
         Transfer(f"{s} on {t.name}, {t.contact} contact", s.directory, transfer.Config(t, s.seed, options.episodes))
         for s, t in pairs
     ]
-    outs = run_cells(TITLE, cells, desk.place, desk.runner, console, lambda _, out: spell_success(figures_in(out)))
+    outs = run_cells(
+        TITLE, cells, context.cell_context, context.runner, console, lambda _, out: format_success(figures_in(out))
+    )
     commit = checkout_commit()
     return [
         Measurement(
@@ -193,7 +208,7 @@ def _words(experiment: Experiment) -> list[str]:
     return [*words, *(word for contact in contacts for word in ("--contact", contact))]
 
 
-def _child(each: Measurement) -> Child:
+def _child(each: Measurement) -> ChildRun:
     """Return a measurement as it is tracked."""
     params = {
         "task": each.task,
@@ -205,7 +220,7 @@ def _child(each: Measurement) -> Child:
         "quick": str(each.quick),
     }
     name = f"{each.method} tower-{each.trained} seed {each.seed} on {each.task}, {each.contact} contact"
-    return Child(name, params, {figure: float(each.figures[figure]) for figure in towers.FIGURES})
+    return ChildRun(name, params, {figure: float(each.figures[figure]) for figure in towers.FIGURES})
 
 
 def _distinct(subjects: list[Subject]) -> list[Subject]:

@@ -9,10 +9,7 @@ from typing import Any, TypeAlias, assert_never
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
-from roboscribe.steps import wilson
-from roboscribe.subtask_tree import ROOT
-from stages.chronicle import Account, Told
-from stages.events import (
+from roboscribe.stages.runtime.events import (
     Abandoned,
     Evaluated,
     Failed,
@@ -25,6 +22,9 @@ from stages.events import (
     RolledOut,
     Trained,
 )
+from roboscribe.stages.tracking.chronicle import EventLog, LoggedEvent
+from roboscribe.steps import wilson
+from roboscribe.subtask_tree import ROOT
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Chapters:
         return tuple(each for each in self.tried if each.goal == ROOT)
 
 
-def chapters(account: Account | None) -> Chapters:
+def chapters(account: EventLog | None) -> Chapters:
     """Read an account; without one there are no chapters.
 
     Raises:
@@ -146,7 +146,7 @@ class _Reader:
         self.found: dict[str, Any] = {}
         self._steps = 0
 
-    def read(self, told: Told) -> None:
+    def read(self, told: LoggedEvent) -> None:
         event = told.event
         match event:
             case Ingested(report, profile):

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from pipelines.report.chapters import Chapters
-from pipelines.runs import Found
+from roboscribe.pipelines.report.chapters import Chapters
+from roboscribe.pipelines.runs.lookup import LoadedRun
 
 UNKNOWN = "–"
 
 
-def figures(found: Found, story: Chapters) -> dict[str, str]:
+def figures(found: LoadedRun, story: Chapters) -> dict[str, str]:
     """Name the figures of a run; those that nobody knows are left out.
 
     Args:
@@ -41,7 +41,7 @@ def _manifest(manifest: Mapping[str, Any]) -> dict[str, str]:
     return {told: str(manifest[name]) for name, told in names.items() if name in manifest}
 
 
-def _account(found: Found, story: Chapters) -> dict[str, str]:
+def _account(found: LoadedRun, story: Chapters) -> dict[str, str]:
     """Read what was written down about a run."""
     account = found.account
     if account is None:
@@ -76,7 +76,7 @@ def _made(manifest: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _evaluation(found: Found, story: Chapters) -> dict[str, str]:
+def _evaluation(found: LoadedRun, story: Chapters) -> dict[str, str]:
     """Read the final evaluation."""
     counts = story.evaluation or found.manifest.get("figures", {})
     edited = "yes: figures are those of the program as it was learned"

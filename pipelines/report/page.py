@@ -10,12 +10,6 @@ from pathlib import Path
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from pipelines.report.chapters import Chapters
-from pipelines.report.figures import figures, side_by_side, success
-from pipelines.report.films import FINAL, Film, films_html
-from pipelines.report.views import chapter_views, learning_html, success_curves
-from pipelines.runs import KEY, SHOWN, Found
-from pipelines.story import trained
 from roboscribe.dsl.parser import parse_program
 from roboscribe.errors import ProgramError
 from roboscribe.html.code import code_html, meanings
@@ -23,6 +17,12 @@ from roboscribe.html.curves import curves_html
 from roboscribe.html.style import STYLE, run_colour
 from roboscribe.html.tables import figures_html, pairs_html
 from roboscribe.html.tree import tree_html
+from roboscribe.pipelines.console import trained
+from roboscribe.pipelines.report.chapters import Chapters
+from roboscribe.pipelines.report.figures import figures, side_by_side, success
+from roboscribe.pipelines.report.films import FINAL, Film, films_html
+from roboscribe.pipelines.report.views import chapter_views, learning_html, success_curves
+from roboscribe.pipelines.runs.lookup import KEY, SHOWN, LoadedRun
 from roboscribe.subtask_tree import Tree
 from roboscribe.tree_json import tree_from_json
 
@@ -30,7 +30,7 @@ HERE = Path(__file__).resolve().parent
 
 
 @dataclass(frozen=True)
-class Reported:
+class ReportedRun:
     """A run that a page shows.
 
     Args:
@@ -39,7 +39,7 @@ class Reported:
         films: of its failures, by the place of their attempt among the chapters.
     """
 
-    found: Found
+    found: LoadedRun
     story: Chapters
     films: Mapping[int, Sequence[Film]] = field(default_factory=dict)
 
@@ -79,7 +79,7 @@ def short_name(name: str) -> str:
     return own[:SHOWN] if KEY.fullmatch(own) else own
 
 
-def page(runs: Sequence[Reported]) -> str:
+def page(runs: Sequence[ReportedRun]) -> str:
     """Write the page about some runs.
 
     Args:
@@ -102,7 +102,7 @@ def page(runs: Sequence[Reported]) -> str:
     )
 
 
-def _comparison(runs: Sequence[Reported]) -> dict[str, Markup]:
+def _comparison(runs: Sequence[ReportedRun]) -> dict[str, Markup]:
     """Show what runs share and where they differ."""
     curves = [curve for rank, run in enumerate(runs) for curve in success_curves(run.story, run.name, rank)]
     rows = side_by_side([figures(run.found, run.story) for run in runs])
@@ -113,7 +113,7 @@ def _comparison(runs: Sequence[Reported]) -> dict[str, Markup]:
     }
 
 
-def _run(run: Reported, rank: int, shared: set[str] | None) -> dict[str, object]:
+def _run(run: ReportedRun, rank: int, shared: set[str] | None) -> dict[str, object]:
     """Prepare what the template shows of a run."""
     story, tree = run.story, run.tree
     curves = success_curves(story)
@@ -132,7 +132,7 @@ def _run(run: Reported, rank: int, shared: set[str] | None) -> dict[str, object]
     }
 
 
-def _program(run: Reported, shared: set[str] | None) -> Markup:
+def _program(run: ReportedRun, shared: set[str] | None) -> Markup:
     """Show the program as its file has it; lines that not all runs share are marked."""
     if not run.text:
         return Markup()
@@ -141,11 +141,11 @@ def _program(run: Reported, shared: set[str] | None) -> Markup:
     return Markup(code_html(run.text, _notes(run), marked))
 
 
-def _lines(run: Reported) -> set[str]:
+def _lines(run: ReportedRun) -> set[str]:
     return {line.strip() for line in run.text.split("\n")}
 
 
-def _notes(run: Reported) -> dict[str, str]:
+def _notes(run: ReportedRun) -> dict[str, str]:
     """Say what names mean, and of controllers how they were learned; nothing where the text is no program."""
     try:
         notes = meanings(parse_program(run.text))
@@ -165,7 +165,7 @@ def _video(story: Chapters) -> Markup:
     return films_html([Film(story.video, "the first episode of the final evaluation")])
 
 
-def _failures(run: Reported) -> dict[str, object]:
+def _failures(run: ReportedRun) -> dict[str, object]:
     """Name the failing episodes of the final evaluation."""
     story = run.story
     if not story.evaluation:

@@ -6,19 +6,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipelines.report.chapters import Attempt, Chapters
-from pipelines.report.films import FINAL, Film
-from pipelines.runs import Found
 from roboscribe.envs.render import SMALL
+from roboscribe.pipelines.report.chapters import Attempt, Chapters
+from roboscribe.pipelines.report.films import FINAL, Film
+from roboscribe.pipelines.runs.lookup import LoadedRun
 from roboscribe.runnable import Runnable, runnable
+from roboscribe.stages.film import FilmOptions, film, record_episodes
+from roboscribe.stages.runtime.configuration import decode
+from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS, read_library
+from roboscribe.stages.runtime.files import read_json
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.chronicle import EventLog
+from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
-from stages.chronicle import Account
-from stages.files import read_json
-from stages.film import Shooting, film, takes
-from stages.settings import decode
-from stages.skills import DESCRIPTIONS, WEIGHTS, read_library
-from stages.train import LIMITS
-from stages.world import TaskConfig
 
 EVERY = 2
 """Control steps between two pictures of a small film."""
@@ -41,7 +41,7 @@ class Scene:
     failing: tuple[tuple[int, ...], ...]
 
 
-def shoot_failures(found: Found, story: Chapters, count: int, directory: Path) -> dict[int, list[Film]]:
+def shoot_failures(found: LoadedRun, story: Chapters, count: int, directory: Path) -> dict[int, list[Film]]:
     """Film failing episodes of a run.
 
     Args:
@@ -64,7 +64,7 @@ def shoot_failures(found: Found, story: Chapters, count: int, directory: Path) -
     }
 
 
-def _scenes(found: Found, story: Chapters, account: Account, where: TaskConfig) -> Iterator[Scene]:
+def _scenes(found: LoadedRun, story: Chapters, account: EventLog, where: TaskConfig) -> Iterator[Scene]:
     """List programs that failed and whose controllers are there."""
     confirm = int(account.about["plan"]["training"]["confirm"])
     for place, chapter in enumerate(story.chapters):
@@ -89,8 +89,8 @@ def _shoot(scene: Scene, where: TaskConfig, count: int, directory: Path) -> list
     task, chosen = where.make(), scene.failing[:count]
     numbers = [number for number, *_ in chosen]
     seeds = [seed for _, seed, *_ in chosen]
-    shown = takes(scene.program, task, numbers, seeds, scene.goal)
-    how = Shooting(every=EVERY, size=SMALL)
+    shown = record_episodes(scene.program, task, numbers, seeds, scene.goal)
+    how = FilmOptions(every=EVERY, size=SMALL)
     return [
         Film(
             film(scene.program, task, [take], directory / f"{scene.place}-{number}.mp4", how),

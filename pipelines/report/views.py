@@ -9,16 +9,16 @@ from typing import assert_never
 
 from markupsafe import Markup
 
-from pipelines.report.chapters import Attempt, Chapter, Chapters, Remark, Skill
-from pipelines.report.films import Film, films_html
-from pipelines.story import trained, why
 from roboscribe.html.code import predicate_html, program_html
 from roboscribe.html.curves import Curve, Point, curves_html
 from roboscribe.html.strips import strips_html
 from roboscribe.html.tables import refinement_html
 from roboscribe.html.tree import tree_html
+from roboscribe.pipelines.console import trained, why
+from roboscribe.pipelines.report.chapters import Attempt, Chapter, Chapters, Remark, Skill
+from roboscribe.pipelines.report.films import Film, films_html
+from roboscribe.stages.runtime.events import Refined
 from roboscribe.subtask_tree import ROOT
-from stages.events import Refined
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipelines.report.chapters import chapters
-from pipelines.report.page import Reported, page
-from pipelines.report.shooting import shoot_failures
-from pipelines.runs import Found
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import write_file
+from roboscribe.pipelines.report.chapters import chapters
+from roboscribe.pipelines.report.page import ReportedRun, page
+from roboscribe.pipelines.report.shooting import shoot_failures
+from roboscribe.pipelines.runs.lookup import LoadedRun
 
 SUFFIXES = (".html", ".htm")
 
@@ -27,7 +27,7 @@ def check_suffix(out: Path) -> None:
         raise ArtifactError(msg)
 
 
-def write_report(found: Sequence[Found], out: Path, films: int) -> None:
+def write_report(found: Sequence[LoadedRun], out: Path, films: int) -> None:
     """Write a page about some runs.
 
     Args:
@@ -44,6 +44,6 @@ def write_report(found: Sequence[Found], out: Path, films: int) -> None:
         write_file(out, page(runs).encode())
 
 
-def _reported(found: Found, scratch: Path, films: int) -> Reported:
+def _reported(found: LoadedRun, scratch: Path, films: int) -> ReportedRun:
     story = chapters(found.account)
-    return Reported(found, story, shoot_failures(found, story, films, scratch))
+    return ReportedRun(found, story, shoot_failures(found, story, films, scratch))

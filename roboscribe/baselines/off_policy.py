@@ -25,7 +25,7 @@ from roboscribe.rl.sac import Metrics, global_generators
 from roboscribe.rl.torch_net import single_thread
 from roboscribe.world import Task, Trajectory
 
-Judge: TypeAlias = Callable[[SetPolicy], float]
+SkillEvaluator: TypeAlias = Callable[[SetPolicy], float]
 """Measures a policy's success; the control steps that it takes are not the method's."""
 ENV, REPLAY = 0, 1
 """Random numbers of their own: starts of episodes, and what is drawn from the buffer."""
@@ -99,7 +99,7 @@ def learn_off_policy(
     config: BaselineConfig,
     course: Course,
     *,
-    judge: Judge,
+    judge: SkillEvaluator,
 ) -> Learned:
     """Learn a set policy from whole episodes of a task.
 

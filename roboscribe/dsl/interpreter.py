@@ -12,7 +12,7 @@ from numpy.random import Generator
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.rewrite import controllers as runs_of
 from roboscribe.dsl.rewrite import free_vars, run_variables, walk
-from roboscribe.dsl.rollouts import Episode, Rollouts, Tape, gather
+from roboscribe.dsl.rollouts import FinishedEpisode, Recorder, Rollouts, gather
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Get, Predicate, Program, Run, While
 from roboscribe.errors import ProgramError
@@ -114,7 +114,7 @@ def execute(
         raise ProgramError(msg)
     rows = min(batch, max(len(seeds), 1))
     machine = Machine(program, task.layout, rows, limits=limits, confirm=confirm, rng=rng, solved=task.solved)
-    tape = Tape(task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions)
+    tape = Recorder(task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions)
     crew = [(at_work(controllers[run.controller], rows), len(run_variables(run))) for run in runs_of(program)]
     world = task.world(rows)
     return _Execution(np.asarray(seeds, dtype=np.int64), task, world, machine, tape, crew, until_end).run()
@@ -133,7 +133,7 @@ class _Execution:
     task: Task
     world: World
     machine: Machine
-    tape: Tape
+    tape: Recorder
     crew: list[tuple[Memory, int]]
     until_end: bool
 
@@ -143,7 +143,7 @@ class _Execution:
         self._diverged = np.zeros(rows, dtype=np.bool_)
         self._episode = np.zeros(rows, dtype=np.int64)
         self._next = 0
-        self._finished: dict[int, Episode] = {}
+        self._finished: dict[int, FinishedEpisode] = {}
 
     def run(self) -> Rollouts:
         rows = self._begin(np.arange(len(self._states)))

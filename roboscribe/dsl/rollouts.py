@@ -36,7 +36,7 @@ class Rollouts:
 
 
 @dataclass(frozen=True)
-class Episode:
+class FinishedEpisode:
     """One finished episode."""
 
     trajectory: Trajectory
@@ -47,7 +47,7 @@ class Episode:
     bound: tuple[int, ...]
 
 
-def gather(layout: Layout, episodes: list[Episode]) -> Rollouts:
+def gather(layout: Layout, episodes: list[FinishedEpisode]) -> Rollouts:
     """Put finished episodes together."""
     return Rollouts(
         layout=layout,
@@ -61,7 +61,7 @@ def gather(layout: Layout, episodes: list[Episode]) -> Rollouts:
     )
 
 
-class Tape:
+class Recorder:
     """Records what B rows do, and hands out each row's episode when it is over.
 
     Args:
@@ -98,10 +98,10 @@ class Tape:
         self._states[rows, now + 1] = states
         self.steps[rows] = now + 1
 
-    def cut(self, row: int, success: bool, diverged: bool, bound: list[int]) -> Episode:
+    def cut(self, row: int, success: bool, diverged: bool, bound: list[int]) -> FinishedEpisode:
         """Copy a row's episode out."""
         steps = int(self.steps[row])
         actions = self._actions[row, :steps].copy() if self._actions.shape[-1] else None
         trajectory = Trajectory(self._layout, self._states[row, : steps + 1].copy(), actions)
         lines, served = self._lines[row, :steps].copy(), self._served[row, :steps].copy()
-        return Episode(trajectory, lines, served, success, diverged, tuple(bound))
+        return FinishedEpisode(trajectory, lines, served, success, diverged, tuple(bound))

@@ -32,7 +32,7 @@ TRIES, RESTARTS = 50, 2000
 
 
 @dataclass(frozen=True)
-class Room:
+class Clearance:
     """Space that is kept free, so that a hand whose fingers open along y comes down on one block alone.
 
     Args:
@@ -54,19 +54,19 @@ class Room:
 
 FINGERS = (0.042, 0.095)
 """Half a block and half a finger; half a block and the reach of open fingers, m."""
-TABLE = Room(FINGERS, FINGERS)
+TABLE = Clearance(FINGERS, FINGERS)
 """Fingers find room beside other blocks."""
-STACK = Room(FINGERS, (0.078, 0.102), 0.09)
+STACK = Clearance(FINGERS, (0.078, 0.102), 0.09)
 """Palm and wrist find room beside a stack, too."""
-CROWDED = Room((0.0, 0.0), (0.0, 0.0))
+CROWDED = Clearance((0.0, 0.0), (0.0, 0.0))
 """Distances alone; some blocks cannot be picked where they are."""
-PUSH = Room((0.0, 0.0), (0.0, 0.0), 0.08, 0.10, 0.10, 0.12)
+PUSH = Clearance((0.0, 0.0), (0.0, 0.0), 0.08, 0.10, 0.10, 0.12)
 """A block at its goal touches none that has not been pushed yet, and does not lie right at the table's edge."""
-PUSH_CROWDED = Room((0.0, 0.0), (0.0, 0.0), 0.05, 0.10, 0.10)
+PUSH_CROWDED = Clearance((0.0, 0.0), (0.0, 0.0), 0.05, 0.10, 0.10)
 """Distances of the pushing task of the paper."""
-LINE = Room((0.0, 0.0), (0.12, 0.08), 0.08, 0.10)
+LINE = Clearance((0.0, 0.0), (0.12, 0.08), 0.08, 0.10)
 """No block starts beside a line of goals."""
-Goals = Callable[[Generator, int, Room], FloatArray | None]
+Goals = Callable[[Generator, int, Clearance], FloatArray | None]
 """Draws N goals (N, 3) relative to the hand's place at the height of a resting block; None: no room, try again."""
 
 
@@ -91,7 +91,7 @@ def scatter(
         rng: source of randomness.
         count: how many.
         gap: distance from each other, m.
-        side: see `Room`.
+        side: see `Clearance`.
         barred: tells which points (K, 2) may not be.
         reach: greatest distance along x and y, m.
 
@@ -109,7 +109,9 @@ def scatter(
     return points
 
 
-def draw(rng: Generator, origin: FloatArray, count: int, goals: Goals, room: Room) -> tuple[FloatArray, FloatArray]:
+def draw(
+    rng: Generator, origin: FloatArray, count: int, goals: Goals, room: Clearance
+) -> tuple[FloatArray, FloatArray]:
     """Draw an episode of `count` blocks.
 
     Args:
@@ -140,13 +142,13 @@ def draw(rng: Generator, origin: FloatArray, count: int, goals: Goals, room: Roo
     raise TaskError(msg)
 
 
-def _barred(goals: FloatArray, room: Room, points: FloatArray) -> BoolArray:
+def _barred(goals: FloatArray, room: Clearance, points: FloatArray) -> BoolArray:
     """Tell at which points (K, 2) no block may start: under the hand or close to a goal (N, 2)."""
     below: BoolArray = np.linalg.norm(points, axis=1) < HAND_GAP
     return below | crowded(points, goals, room.gap, room.stack)
 
 
-def on_table(rng: Generator, count: int, room: Room) -> FloatArray | None:
+def on_table(rng: Generator, count: int, room: Clearance) -> FloatArray | None:
     """Goals on the table; the last one in the air half of the time, 0.1 m to 0.45 m up."""
     goals = flat(rng, count, room)
     if goals is not None and rng.uniform() < 0.5:
@@ -154,26 +156,26 @@ def on_table(rng: Generator, count: int, room: Room) -> FloatArray | None:
     return goals
 
 
-def flat(rng: Generator, count: int, room: Room) -> FloatArray | None:
+def flat(rng: Generator, count: int, room: Clearance) -> FloatArray | None:
     """Goals on the table."""
     places = scatter(rng, count, room.goals, room.side, reach=room.reach)
     return None if places is None else np.hstack([places, np.zeros((count, 1))])
 
 
-def line(rng: Generator, count: int, room: Room) -> FloatArray | None:
+def line(rng: Generator, count: int, room: Clearance) -> FloatArray | None:
     """Goals side by side on a line away from the robot, the last one near the table's far edge; the order is random."""
     del room
     far = np.array([LINE_END, rng.uniform(-LINE_SIDE, LINE_SIDE), 0.0])
     return rng.permutation(far - np.outer(LEVEL * np.arange(count), [1.0, 0.0, 0.0]))
 
 
-def tower(rng: Generator, count: int, room: Room) -> FloatArray | None:
+def tower(rng: Generator, count: int, room: Clearance) -> FloatArray | None:
     """One stack."""
     del room
     return _towers(rng, count, 1)
 
 
-def multitower(rng: Generator, count: int, room: Room) -> FloatArray | None:
+def multitower(rng: Generator, count: int, room: Clearance) -> FloatArray | None:
     """Two stacks, three from six blocks on; they differ by one block at most."""
     del room
     return _towers(rng, count, 2 if count < 6 else 3)
@@ -189,7 +191,7 @@ def _towers(rng: Generator, count: int, towers: int) -> FloatArray | None:
     return rng.permutation(goals)
 
 
-def pyramid(rng: Generator, count: int, room: Room) -> FloatArray | None:
+def pyramid(rng: Generator, count: int, room: Clearance) -> FloatArray | None:
     """Rows along x, across the way fingers open, each row over the gaps of the one below and shorter by one."""
     del room
     base = int(np.ceil((np.sqrt(8 * count + 1) - 1) / 2))

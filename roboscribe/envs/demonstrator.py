@@ -74,7 +74,7 @@ class ScriptedTask(Task):
 
 
 @dataclass
-class Episode:
+class DemonstrationAttempt:
     """One running episode: its own random numbers, its noise, who performs it, and what was recorded."""
 
     seed: int
@@ -121,7 +121,7 @@ def start(
     *,
     failing: bool = False,
     look: Callable[[FloatArray], Scene] = Scene.of,
-) -> Episode:
+) -> DemonstrationAttempt:
     """Prepare episode `index` of a seed; it depends on nothing else.
 
     Args:
@@ -135,7 +135,7 @@ def start(
     habits = np.random.default_rng(np.random.SeedSequence((seed, index, FAILING_HABITS if failing else HABITS)))
     style = styles[int(habits.integers(len(styles)))]
     gives_up = failing and bool(habits.random() < 0.5)
-    return Episode(int(rng.integers(2**62)), rng, Performer(style, habits, gives_up, look))
+    return DemonstrationAttempt(int(rng.integers(2**62)), rng, Performer(style, habits, gives_up, look))
 
 
 def demonstrate(task: Task, episodes: int, seed: int, style: str = DEFAULT, failing: float = 0.0) -> list[Trajectory]:
@@ -213,7 +213,7 @@ def gather(
     return found[:count]
 
 
-def run(task: ScriptedTask, world: World, wave: Sequence[Episode]) -> None:
+def run(task: ScriptedTask, world: World, wave: Sequence[DemonstrationAttempt]) -> None:
     """Run a wave of episodes, one per row, until each is over or has left physics."""
     script, rows = task.script, np.arange(len(wave))
     states = world.reset(rows, np.array([episode.seed for episode in wave], dtype=np.int64))
@@ -232,19 +232,19 @@ def run(task: ScriptedTask, world: World, wave: Sequence[Episode]) -> None:
         _record(task, world, rows, states, wave)
 
 
-def _record(task: Task, world: World, rows: IntArray, states: FloatArray, wave: Sequence[Episode]) -> None:
+def _record(task: Task, world: World, rows: IntArray, states: FloatArray, wave: Sequence[DemonstrationAttempt]) -> None:
     """Append the present states and snapshots of `rows` to their episodes."""
     observed = zip(rows, states, world.save(rows), task.solved(states), strict=True)
     for row, state, snapshot, solved in observed:
         wave[row].record(state, snapshot, bool(solved))
 
 
-def success(task: Task, episode: Episode) -> Trajectory | None:
+def success(task: Task, episode: DemonstrationAttempt) -> Trajectory | None:
     """Return what a successful episode recorded; None if it failed, or was over before anything was done."""
     return trajectory(task, episode, len(episode.actions)) if episode.succeeded and episode.actions else None
 
 
-def failure(task: Task, episode: Episode) -> Trajectory | None:
+def failure(task: Task, episode: DemonstrationAttempt) -> Trajectory | None:
     """Return an episode in which the task is never solved: as it was, or broken off on the way to success.
 
     None if it left physics, or if nothing is left of it.
@@ -257,7 +257,7 @@ def failure(task: Task, episode: Episode) -> Trajectory | None:
     return trajectory(task, episode, steps) if steps >= SHORTEST else None
 
 
-def trajectory(task: Task, episode: Episode, steps: int) -> Trajectory:
+def trajectory(task: Task, episode: DemonstrationAttempt, steps: int) -> Trajectory:
     """Freeze the first `steps` of what an episode recorded."""
     states, snapshots = np.array(episode.states[: steps + 1]), np.array(episode.snapshots[: steps + 1])
     return Trajectory(task.layout, states, np.array(episode.actions[:steps]), snapshots)

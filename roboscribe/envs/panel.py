@@ -40,7 +40,7 @@ SPACING = 1.4
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class RecordedEpisode:
     """One episode of a program, ready to be drawn.
 
     Args:
@@ -65,7 +65,7 @@ class Take:
         """Return the control step of a frame."""
         return self.steps[frame] if self.steps else frame
 
-    def thinned(self, every: int) -> Take:
+    def thinned(self, every: int) -> RecordedEpisode:
         """Keep one state of `every`, and the last one."""
         last = len(self.states) - 1
         kept = sorted({*range(0, last, every), last})
@@ -98,7 +98,7 @@ class Panel:
         size: width and height, pixels.
     """
 
-    def __init__(self, task: Task, program: Program, take: Take, size: tuple[int, int]) -> None:
+    def __init__(self, task: Task, program: Program, take: RecordedEpisode, size: tuple[int, int]) -> None:
         """Wrap the program's lines and read every predicate in every state."""
         self._task, self._take, self._size = task, take, size
         self._runs, self._guards = controllers(program), guards(program)

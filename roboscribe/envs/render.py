@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw
 
 from roboscribe.dsl.syntax import Program
 from roboscribe.envs import schematic
-from roboscribe.envs.panel import BAD, GOOD, PAPER, Frame, Panel, Take, font
+from roboscribe.envs.panel import BAD, GOOD, PAPER, Frame, Panel, RecordedEpisode, font
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import FloatArray, Layout
 from roboscribe.world.task import Painter, Task
@@ -87,7 +87,7 @@ def painter(task: Task, states: FloatArray, size: tuple[int, int]) -> Painter:
     return task.painter(*size) or SchematicPainter(task.layout, states, size)
 
 
-def film_episode(task: Task, program: Program, take: Take, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
+def film_episode(task: Task, program: Program, take: RecordedEpisode, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
     """Draw an episode beside the program that runs it.
 
     Args:
@@ -114,14 +114,16 @@ def film_episode(task: Task, program: Program, take: Take, size: tuple[int, int]
     yield from [last] * round(HOLD * task.frequency / take.every)
 
 
-def _bound_places(layout: Layout, take: Take, index: int) -> list[FloatArray]:
+def _bound_places(layout: Layout, take: RecordedEpisode, index: int) -> list[FloatArray]:
     """Where the entities are that the program has bound; none once it is over."""
     moment = take.moments[index]
     columns = [layout.columns.get((entity, "position", False)) for entity in moment.bound.values() if not moment.ended]
     return [take.states[index, place] for place in columns if place is not None]
 
 
-def film_grid(task: Task, takes: Sequence[Take], columns: int, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
+def film_grid(
+    task: Task, takes: Sequence[RecordedEpisode], columns: int, size: tuple[int, int] = SIZE
+) -> Iterator[Frame]:
     """Draw several episodes at once; those that are over stay as they ended, framed by how.
 
     Args:
@@ -155,14 +157,14 @@ def film_grid(task: Task, takes: Sequence[Take], columns: int, size: tuple[int, 
     yield from [last] * round(HOLD * task.frequency)
 
 
-def _check(take: Take) -> None:
+def _check(take: RecordedEpisode) -> None:
     counts = (len(take.states), len(take.snapshots), len(take.moments))
     if len(set(counts)) != 1 or not counts[0]:
         msg = f"{counts[0]} states, {counts[1]} snapshots, {counts[2]} moments: expected T + 1 of each"
         raise TaskError(msg)
 
 
-def _framed(picture: Frame, take: Take, over: bool) -> Frame:
+def _framed(picture: Frame, take: RecordedEpisode, over: bool) -> Frame:
     """Write an episode's title into its picture; where it is over, frame it."""
     image = Image.fromarray(picture)
     draw = ImageDraw.Draw(image)

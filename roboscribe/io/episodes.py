@@ -13,10 +13,10 @@ import pyarrow.parquet as pq
 
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.atomic import parse_json, replacing
+from roboscribe.io.checksum import Checksum, Content, add_checksum, verify_checksum
 from roboscribe.io.frames import IN_ORDER, Index, decode, encode, index_of, whole_numbers
 from roboscribe.io.schema import EPISODE, FRAME, check_columns, check_metadata, describe, lengths_of, metadata_of
 from roboscribe.io.schema import schema_of as columns_with
-from roboscribe.io.seal import Content, Seal, examine, seal_file
 from roboscribe.io.validation import check_trajectory
 from roboscribe.world import Layout, Task, Trajectory
 
@@ -112,7 +112,7 @@ def write_episodes(path: Path, header: Header, trajectories: Iterable[tuple[int,
         if tuple(lengths) != header.lengths:
             msg = f"{path}: found episodes of {lengths} frames, expected {list(header.lengths)}"
             raise DemonstrationError(msg)
-        return seal_file(hidden)
+        return add_checksum(hidden)
 
 
 @contextmanager
@@ -123,9 +123,9 @@ def open_episodes(path: Path, task: Task) -> Iterator[EpisodeFile]:
         DemonstrationError: there is no such file, or it is damaged, of another task or version, or lacks a column.
     """
     source = str(path)
-    with open_parquet(path) as (content, file, seal):
-        if seal is Seal.BODY_DAMAGED:
-            raise DemonstrationError(_damage(file, source))
+    with open_parquet(path) as (content, file, checksum):
+        if checksum is Checksum.BODY_DAMAGED:
+            raise DemonstrationError(damage_of(file, source))
         metadata = metadata_of(file.metadata.metadata)
         check_metadata(metadata, task, source)
         unknown = check_columns(file.schema_arrow, task.layout, metadata, source)
@@ -133,15 +133,15 @@ def open_episodes(path: Path, task: Task) -> Iterator[EpisodeFile]:
             msg = f"{source}: found {file.metadata.num_rows} rows, expected at most {_MOST_ROWS}"
             raise DemonstrationError(msg)
         stored = metadata.get("snapshots") == "true"
-        lengths = tuple(lengths_of(metadata)) if seal is Seal.INTACT else ()
+        lengths = tuple(lengths_of(metadata)) if checksum is Checksum.INTACT else ()
         generator, seed = metadata.get("generator", "unknown"), _seed(metadata.get("seed"))
         header = Header(task.name, task.layout, task.frequency, generator, seed, lengths, stored)
-        yield EpisodeFile(header, _remarks(seal, unknown, source), file, task, source)
+        yield EpisodeFile(header, _remarks(checksum, unknown, source), file, task, source)
         del content
 
 
 @contextmanager
-def open_parquet(path: Path) -> Iterator[tuple[Content, pq.ParquetFile, Seal]]:
+def open_parquet(path: Path) -> Iterator[tuple[Content, pq.ParquetFile, Checksum]]:
     """Map a Parquet file into memory and look at its seal; every page that is read is checked.
 
     Raises:
@@ -152,13 +152,13 @@ def open_parquet(path: Path) -> Iterator[tuple[Content, pq.ParquetFile, Seal]]:
         raise DemonstrationError(msg)
     try:
         content = _mapped(path)
-        seal = examine(content)
-        if seal is Seal.DAMAGED:
+        checksum = verify_checksum(content)
+        if checksum is Checksum.DAMAGED:
             raise DemonstrationError(_beyond_repair(str(path)))
         file = pq.ParquetFile(pa.BufferReader(pa.py_buffer(content)), page_checksum_verification=True)
     except UNREADABLE as error:
         raise damaged(str(path), error) from error
-    yield content, file, seal
+    yield content, file, checksum
 
 
 def groups_of(file: pq.ParquetFile, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
@@ -256,7 +256,7 @@ def _beyond_repair(source: str, where: str = "") -> str:
     return f"{source}: damaged{where} since it was written; nothing of it was used, restore or collect it again"
 
 
-def _damage(file: pq.ParquetFile, source: str) -> str:
+def damage_of(file: pq.ParquetFile, source: str) -> str:
     """Say in which episodes the pages fail their checksums, where the footer can be trusted to lead to them."""
     filled = [episode for episode, length in enumerate(lengths_of(metadata_of(file.metadata.metadata))) if length]
     episodes = [episode for group, episode in enumerate(filled) if not _readable(file, group)]
@@ -272,8 +272,8 @@ def _readable(file: pq.ParquetFile, group: int) -> bool:
     return True
 
 
-def _remarks(seal: Seal, unknown: Sequence[str], source: str) -> tuple[str, ...]:
+def _remarks(checksum: Checksum, unknown: Sequence[str], source: str) -> tuple[str, ...]:
     """Say what is odd about a file that could be read."""
     unsealed = f"{source}: not sealed, another program wrote it; only page checksums guard it"
     ignored = f"{source}: unknown column {', '.join(unknown)} ignored"
-    return tuple(line for line, odd in ((unsealed, seal is Seal.ABSENT), (ignored, unknown)) if odd)
+    return tuple(line for line, odd in ((unsealed, checksum is Checksum.ABSENT), (ignored, unknown)) if odd)

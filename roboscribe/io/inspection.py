@@ -19,9 +19,18 @@ import pyarrow.parquet as pq
 
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.io.atomic import Json, sha256_of
+from roboscribe.io.checksum import Checksum
 from roboscribe.io.columns import Column, columns_of
 from roboscribe.io.demonstrations import read_demonstrations
-from roboscribe.io.episodes import UNREADABLE, damaged, groups_of, open_episodes, open_parquet, tables_by_episode
+from roboscribe.io.episodes import (
+    UNREADABLE,
+    damage_of,
+    damaged,
+    groups_of,
+    open_episodes,
+    open_parquet,
+    tables_by_episode,
+)
 from roboscribe.io.frames import Index, action_values, attribute_values, index_of, snapshot_values
 from roboscribe.io.schema import (
     ACTION,
@@ -81,7 +90,9 @@ def inspect(path: Path, task: Task) -> Inspection:
         task: what it is to show.
     """
     try:
-        with open_parquet(path) as (_, file, _):
+        with open_parquet(path) as (_, file, checksum):
+            if checksum is Checksum.BODY_DAMAGED:
+                return Inspection((damage_of(file, str(path)),), (), {})
             metadata = metadata_of(file.metadata.metadata)
             wrong = [*metadata_problems(metadata, task)]
             others = [*column_problems(file.schema_arrow, task.layout, metadata)]
@@ -216,6 +227,6 @@ def _grouped(problems: Iterator[str]) -> list[str]:
         place = _PLACE.match(problem)
         key = place["column"] if place else problem
         first.setdefault(key, problem)
-        count[key] += 1
+        count[key] += place is not None
     more = {key: f" (and {n - 1} more episode{'s' * (n > 2)})" if n > 1 else "" for key, n in count.items()}
     return [problem + more[key] for key, problem in first.items()]

@@ -21,7 +21,7 @@ MOST_LOG_STD = 2.0
 
 
 @dataclass(frozen=True)
-class Samples:
+class CloningSamples:
     """Demonstrated frames of one skill: states (M, F), bound entities (M, n), actions (M, A) in [-1, 1]."""
 
     states: FloatArray
@@ -32,10 +32,10 @@ class Samples:
         """M."""
         return len(self.states)
 
-    def known(self) -> Samples:
+    def known(self) -> CloningSamples:
         """Leave out frames whose action is unknown (NaN)."""
         rows = ~np.isnan(self.actions).any(axis=1)
-        return Samples(self.states[rows], self.entities[rows], self.actions[rows])
+        return CloningSamples(self.states[rows], self.entities[rows], self.actions[rows])
 
 
 def initial_skill(skill: Skill, action_size: int, hidden: tuple[int, ...], seed: int) -> Skill:
@@ -52,7 +52,7 @@ def initial_skill(skill: Skill, action_size: int, hidden: tuple[int, ...], seed:
         return skill.with_layers(layers_of(mlp([skill.encoder.size, *hidden, action_size])))
 
 
-def clone(skill: Skill, samples: Samples, config: CloneConfig, seed: int) -> Iterator[tuple[int, Skill]]:
+def clone(skill: Skill, samples: CloningSamples, config: CloneConfig, seed: int) -> Iterator[tuple[int, Skill]]:
     """Fit a skill's network to demonstrated actions, yielding it at several numbers of gradient steps.
 
     The loss is the Gaussian log-likelihood of the pre-tanh action with a predicted, state-dependent variance: frames

@@ -89,9 +89,11 @@ class ObservationSpec:
         return tuple(rank for rank in range(len(self.parts)) if rank not in paired)
 
     def fitted(self, layout: Layout, states: FloatArray, entities: IntArray) -> ObservationSpec:
-        """Return the spec with mean and spread taken from states (R, F) and entities (R, n)."""
+        """Return the spec with mean and spread taken from states (R, F) and entities (R, n); of none, 0 and 1."""
         encoder = Encoder(self, layout)
         raw = encoder.raw(states, entities)
+        if not len(raw):  # a skill that no demonstration shows and that no episode reaches
+            return replace(self, mean=(0.0,) * raw.shape[1], std=(1.0,) * raw.shape[1])
         spread = np.maximum(raw.std(axis=0), encoder.least_spread)
         return replace(self, mean=tuple(raw.mean(axis=0).tolist()), std=tuple(spread.tolist()))
 

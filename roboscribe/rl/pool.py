@@ -55,7 +55,7 @@ class StartPool:
         held = np.isin(self.episode, present[:episodes])
         return self.take(np.flatnonzero(held)), self.take(np.flatnonzero(~held))
 
-    def stressing(self, hard: BoolArray, most: int = PoolConfig.repeats) -> StartPool:
+    def oversample_hard(self, hard: BoolArray, most: int = PoolConfig.repeats) -> StartPool:
         """Repeat the starts that are `hard` (P,) until they are half of all, each `most` times at most."""
         rows, times = np.flatnonzero(hard), max(1, len(hard) // max(1, int(hard.sum())) - 1)
         return self.take(np.sort(np.concatenate([np.flatnonzero(~hard), np.repeat(rows, min(times, most))])))

@@ -47,7 +47,7 @@ class Step:
     final_entities: IntArray
 
 
-class Progress:
+class AttemptCounter:
     """Counts steps and consecutive achievements of rows, and says when each row's attempt is over.
 
     An attempt that undoes what a loop around it had achieved fails as soon as that is confirmed.
@@ -72,11 +72,11 @@ class Progress:
 
     def advance(self, rows: IntArray, states: FloatArray, entities: IntArray) -> tuple[BoolArray, BoolArray, BoolArray]:
         """Count one step of `rows`; returns which succeeded, which ran out of steps without, and which did harm."""
-        spared = self.subtask.spared(states, self.standing[rows])
-        achieved = self.subtask.achieved(states, entities) & spared
+        invariant_holds = self.subtask.invariant_holds(states, self.standing[rows])
+        achieved = self.subtask.achieved(states, entities) & invariant_holds
         self.steps[rows] += 1
         self.streak[rows] = np.where(achieved, self.streak[rows] + 1, 0)
-        self.harm[rows] = np.where(spared, 0, self.harm[rows] + 1)
+        self.harm[rows] = np.where(invariant_holds, 0, self.harm[rows] + 1)
         succeeded = self.streak[rows] >= self.subtask.needed
         harmful = self.harm[rows] >= self.subtask.confirm
         return succeeded, ~succeeded & ~harmful & (self.steps[rows] >= self.limit[rows]), harmful
@@ -95,7 +95,7 @@ class SkillEnv:
         self.subtask, self.pool, self.batch, self.gamma, self.rng = subtask, pool, batch, gamma, rng
         self.world: World = subtask.task.world(batch)
         self.rows = np.arange(batch)
-        self.progress = Progress(subtask, batch)
+        self.progress = AttemptCounter(subtask, batch)
         self.states = np.zeros((batch, subtask.task.layout.size))
         self.entities = np.full((batch, pool.entities.shape[1]), NULL, np.int64)
 
@@ -140,7 +140,7 @@ class SkillEnv:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class Attempts:
     """Outcome of one attempt from each start: success (P,), last states (P, F), control steps spent."""
 
     success: BoolArray
@@ -161,7 +161,7 @@ class Verdict(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Judge:
+class SkillEvaluator:
     """Measures skills on the same held-out starts, in rollouts.
 
     Args:
@@ -194,7 +194,7 @@ class Judge:
         return Verdict(float(success.mean()), first.control_steps + rest.control_steps)
 
 
-def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, world: World) -> Evaluation:
+def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, world: World) -> Attempts:
     """Attempt the subtask once from every start of the pool, with a deterministic controller.
 
     Args:
@@ -207,7 +207,7 @@ def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, wo
         Success by start. A diverged attempt fails.
     """
     before = world.control_steps
-    progress = Progress(subtask, len(pool))
+    progress = AttemptCounter(subtask, len(pool))
     success = np.zeros(len(pool), np.bool_)
     final = np.zeros((len(pool), subtask.task.layout.size))
     running = np.full(world.batch, IDLE, np.int64)
@@ -222,7 +222,7 @@ def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, wo
             progress.begin(running[free], final[running[free]], start)
         rows = np.flatnonzero(running != IDLE)
         if not len(rows):
-            return Evaluation(success, final, world.control_steps - before)
+            return Attempts(success, final, world.control_steps - before)
         ranks = running[rows]
         final[ranks] = world.step(rows, controller.act(final[ranks], pool.entities[ranks]))
         reached, late, harmful = progress.advance(ranks, final[ranks], pool.entities[ranks])

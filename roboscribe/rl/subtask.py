@@ -51,7 +51,7 @@ class Subtask:
     variables: tuple[str, ...]
     limit: int
     confirm: int = TrainConfig.confirm
-    onward: Predicate = field(default_factory=Truth)
+    continues_if: Predicate = field(default_factory=Truth)
     scales: Mapping[str, float] = field(default_factory=dict)
     invariant: Invariant | None = None
 
@@ -63,7 +63,7 @@ class Subtask:
     @property
     def needed(self) -> int:
         """Consecutive steps on which `achieved` must be true: ψ_R alone counts at once."""
-        return 1 if self.opaque or self.onward == Not(Truth()) else self.confirm
+        return 1 if self.opaque or self.continues_if == Not(Truth()) else self.confirm
 
     def binding(self, entities: IntArray) -> Binding:
         """Bind the variables to the columns of entities (R, n)."""
@@ -76,10 +76,10 @@ class Subtask:
 
     def achieved(self, states: FloatArray, entities: IntArray) -> BoolArray:
         """Evaluate what the skill is measured by: φ where the program goes on, else ψ_R; returns (R,)."""
-        if self.onward == Truth():  # as for most skills, at every step of their training
+        if self.continues_if == Truth():  # as for most skills, at every step of their training
             return self.holds(states, entities)
-        onward = holds(self.onward, states, {}, self.task.layout, self.task.solved)
-        return np.where(onward, self.holds(states, entities), self.task.solved(states))
+        continues_if = holds(self.continues_if, states, {}, self.task.layout, self.task.solved)
+        return np.where(continues_if, self.holds(states, entities), self.task.solved(states))
 
     @cached_property
     def others(self) -> IntArray:
@@ -100,12 +100,12 @@ class Subtask:
         standing: BoolArray = unbound & self._served(self.invariant, states)
         return standing
 
-    def spared(self, states: FloatArray, standing: BoolArray) -> BoolArray:
+    def invariant_holds(self, states: FloatArray, standing: BoolArray) -> BoolArray:
         """Tell whether everything that was `standing` (R, K) at the start still is; returns (R,)."""
         if self.invariant is None:
             return np.ones(len(states), np.bool_)
-        spared: BoolArray = (~standing | self._served(self.invariant, states)).all(axis=1)
-        return spared
+        invariant_holds: BoolArray = (~standing | self._served(self.invariant, states)).all(axis=1)
+        return invariant_holds
 
     def shaped(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """Return R_φ and +1 while φ holds, (R,).

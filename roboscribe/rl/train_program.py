@@ -15,10 +15,10 @@ from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.inverse_dynamics import ALL_UNITS
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.ppo import Learned, LearnerTask, Log, train_ppo
+from roboscribe.rl.program_training import SEEDS, ProgramTraining
 from roboscribe.rl.sac import train_sac
-from roboscribe.rl.setting import SEEDS, Setting
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import Judge, evaluate_skill
+from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
 from roboscribe.rl.warm_start import clone_frames, clone_states
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
@@ -66,7 +66,7 @@ class TrainingResult:
 
 
 @dataclass(frozen=True)
-class _Rim:
+class _RunContext:
     """Where progress goes."""
 
     log: ProgramLog
@@ -112,19 +112,22 @@ def train_program(
         replay buffer filled by whole-program runs. ψ_R itself gets a short attempt without cloning: failing is its
         purpose.
     """
-    setting, rim = Setting(task, program, demonstrations, config, seed, solve), _Rim(log, checkpoints)
+    training, context = (
+        ProgramTraining(task, program, demonstrations, config, seed, solve),
+        _RunContext(log, checkpoints),
+    )
     skills, reports = dict(library), list[SkillReport]()
-    for turn in _new(setting, library):
-        before = sum(each.control_steps for each in reports if each.controller == turn.run.controller)
-        skills[turn.run.controller], report = _learn(setting, rim, turn, skills, before)
+    for job in _new(training, library):
+        before = sum(each.control_steps for each in reports if each.controller == job.run.controller)
+        skills[job.run.controller], report = _learn(training, context, job, skills, before)
         reports.append(report)
-    known = _known(setting, library)
-    rate, steps = _screen(setting, skills) if known and solve else (0.0, 0)
+    known = _known(training, library)
+    rate, steps = _screen(training, skills) if known and solve else (0.0, 0)
     if known and solve and rate < config.worth_improving:
         reports.append(SkillReport(known[-1].run.controller, "kept", 0, rate, rate, steps))
         return TrainingResult(skills, tuple(reports))
-    for turn in known:
-        skills[turn.run.controller], report = _learn(setting, rim, turn, skills, steps)
+    for job in known:
+        skills[job.run.controller], report = _learn(training, context, job, skills, steps)
         reports.append(replace(report, control_steps=report.control_steps + steps))
         steps = 0
     return TrainingResult(skills, tuple(reports))
@@ -143,11 +146,11 @@ def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Ta
 
     Departs: the paper's π[φ] runs until φ, however long; a learned controller may never arrive.
     """
-    return Setting(task, program, demonstrations, TrainConfig(), 0, True).limits
+    return ProgramTraining(task, program, demonstrations, TrainConfig(), 0, True).limits
 
 
 @dataclass(frozen=True)
-class _Turn:
+class _SkillJob:
     """One controller's turn to learn.
 
     Args:
@@ -163,113 +166,113 @@ class _Turn:
     again: bool = False
 
 
-def _new(setting: Setting, library: Mapping[str, Skill]) -> Iterator[_Turn]:
+def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_SkillJob]:
     """List whose turn it is among controllers that the library lacks, in textual order.
 
     A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
     states of later iterations; then each is measured and reinforced on those.
     """
-    for group in setting.groups:
+    for group in training.groups:
         runs = [run for run in group.runs if run.controller not in library]
         for run in runs:
-            yield _Turn(run, setting.title(run), reinforce=not group.loop)
+            yield _SkillJob(run, training.title(run), reinforce=not group.loop)
         for run in runs if group.loop else ():
-            yield _Turn(run, f"{run.controller}.loop")
+            yield _SkillJob(run, f"{run.controller}.loop")
 
 
-def _known(setting: Setting, library: Mapping[str, Skill]) -> list[_Turn]:
+def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
     """List the controllers of the library that are to be improved, in textual order.
 
     A program that is to bring ψ_R about may improve all it knows; where it solves the task too rarely a subgoal is
     missing, and they are not to blame. One for a subgoal improves them where all are known: it was tried before, and
     nothing explains why it fails.
     """
-    runs = {run.controller: run for run in setting.runs}
-    known = [_Turn(run, f"{name}.improved", again=True) for name, run in runs.items() if name in library]
-    return known if setting.solve or len(known) == len(runs) else []
+    runs = {run.controller: run for run in training.runs}
+    known = [_SkillJob(run, f"{name}.improved", again=True) for name, run in runs.items() if name in library]
+    return known if training.solve or len(known) == len(runs) else []
 
 
-def _screen(setting: Setting, skills: Mapping[str, Skill]) -> tuple[float, int]:
+def _screen(training: ProgramTraining, skills: Mapping[str, Skill]) -> tuple[float, int]:
     """Return how often the program solves the task as things stand, and the control steps that it took to see."""
-    config, seeds = setting.config, setting.draw("screening").integers(SEEDS, size=setting.config.screening)
-    screened = execute(setting.program, skills, setting.task, seeds, limits=setting.limits, confirm=config.confirm)
+    config, seeds = training.config, training.draw("screening").integers(SEEDS, size=training.config.screening)
+    screened = execute(training.program, skills, training.task, seeds, limits=training.limits, confirm=config.confirm)
     return float(screened.success.mean()), screened.control_steps
 
 
 def _learn(
-    setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill], before: int
+    training: ProgramTraining, context: _RunContext, job: _SkillJob, skills: Mapping[str, Skill], before: int
 ) -> tuple[Skill, SkillReport]:
     """Learn one skill, for which `before` control steps were spent already, or read it from its checkpoint."""
-    finished = rim.file(turn.title)
-    identity = {"controller": turn.title, "until": str(turn.run.until), "seed": setting.seed}
+    finished = context.file(job.title)
+    identity = {"controller": job.title, "until": str(job.run.until), "seed": training.seed}
     if finished is not None and finished.exists():
-        return _read(finished, identity, turn.run.controller, setting.task)
-    skill, report = _train(setting, rim, turn, skills, setting.config.budget - before)
+        return _read(finished, identity, job.run.controller, training.task)
+    skill, report = _train(training, context, job, skills, training.config.budget - before)
     if finished is not None:
         _write(finished, identity, skill, report)
     return skill, report
 
 
 def _train(
-    setting: Setting, rim: _Rim, turn: _Turn, skills: Mapping[str, Skill], most: int
+    training: ProgramTraining, context: _RunContext, job: _SkillJob, skills: Mapping[str, Skill], most: int
 ) -> tuple[Skill, SkillReport]:
     """Collect starts, warm-start, and improve by reinforcement learning where needed, in `most` control steps."""
-    run = turn.run
-    held_out, pool, spent = setting.pools(run, skills, most)
-    fresh = skills.get(run.controller) or setting.fresh_skill(run, pool)
+    run = job.run
+    held_out, pool, spent = training.pools(run, skills, most)
+    fresh = skills.get(run.controller) or training.fresh_skill(run, pool)
     if not len(pool):
         return fresh, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
-    config = setting.config
-    world = setting.task.world(config.pool.batch)
-    judge = Judge(setting.subtask(run), held_out, world, config.pool.screening, most - spent)
-    warm, rate, learner = _warm_start(setting, run, skills, pool, judge)
-    spent += judge.world.control_steps
-    rim.log(run.controller, {"warm_success": rate}, spent)
+    config = training.config
+    world = training.task.world(config.pool.batch)
+    evaluator = SkillEvaluator(training.subtask(run), held_out, world, config.pool.screening, most - spent)
+    warm, rate, learner = _warm_start(training, run, skills, pool, evaluator)
+    spent += evaluator.world.control_steps
+    context.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
-    target = setting.target(run)
-    budget = config.learning_steps if turn.again else _budget(setting, run, rate)
-    if rate >= target or not turn.reinforce or not budget:
+    target = training.target(run)
+    budget = config.learning_steps if job.again else _budget(training, run, rate)
+    if rate >= target or not job.reinforce or not budget:
         return warm, report
 
     def log(metrics: Mapping[str, float], step: int) -> None:
-        rim.log(run.controller, metrics, spent + step)
+        context.log(run.controller, metrics, spent + step)
 
-    if rate > config.pool.stress_above and judge.rest > len(pool) * judge.subtask.limit:
-        tried = evaluate_skill(judge.subtask, pool, warm, judge.world)
-        pool, spent = pool.stressing(~tried.success, config.pool.repeats), spent + tried.control_steps
-    task = LearnerTask(judge.subtask, pool, judge, target, budget, judge.rest)
-    learned, by = _reinforce(setting, warm, rate, task, log, rim.file(f"{turn.title}.progress"))
+    if rate > config.pool.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
+        tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
+        pool, spent = pool.oversample_hard(~tried.success, config.pool.repeats), spent + tried.control_steps
+    task = LearnerTask(evaluator.subtask, pool, evaluator, target, budget, evaluator.rest)
+    learned, by = _reinforce(training, warm, rate, task, log, context.file(f"{job.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
         return warm, report
     return learned.skill, replace(report, learner=by, success=learned.success)
 
 
-def _budget(setting: Setting, run: Run, rate: float) -> int:
+def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
     """Return the control steps that reinforcement may cost, after a warm start of success `rate`.
 
     Few where a subgoal may still be found before `run`; none where it is likely, since what was done in demonstrations
     mostly fails here. Where none is found then, all is trained once more.
     """
-    config = setting.config
+    config = training.config
     if isinstance(run.until, Solved):
         return min(config.opaque_budget, config.budget)
-    if setting.solve or config.profile == "paper":
+    if training.solve or config.profile == "paper":
         return config.learning_steps
-    first = run is setting.runs[0]
+    first = run is training.runs[0]
     if rate < config.worth_improving and (first or config.profile == "actions"):
         return 0
     return min(config.first_budget, config.learning_steps) if first else config.learning_steps
 
 
 def _reinforce(
-    setting: Setting, warm: Skill, rate: float, task: LearnerTask, log: Log, progress: Path | None
+    training: ProgramTraining, warm: Skill, rate: float, task: LearnerTask, log: Log, progress: Path | None
 ) -> tuple[Learned, str]:
     """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too.
 
     An attempt on ψ_R itself is PPO in every profile: it has no time for a replay buffer, and nothing to lose.
     """
-    config, seed = setting.config, setting.seed_of(f"{warm.name} learner")
+    config, seed = training.config, training.seed_of(f"{warm.name} learner")
     if task.subtask.opaque:
         blind = replace(config.ppo, critic_iterations=0, noise=config.blind_noise)
         return train_ppo(warm, rate, task, blind, seed, log, progress), "ppo"
@@ -279,31 +282,33 @@ def _reinforce(
 
 
 def _warm_start(
-    setting: Setting, run: Run, skills: Mapping[str, Skill], pool: StartPool, judge: Judge
+    training: ProgramTraining, run: Run, skills: Mapping[str, Skill], pool: StartPool, evaluator: SkillEvaluator
 ) -> tuple[Skill, float, str]:
     """Return the best of what was known before and of clones, its success, and what gave it."""
-    fresh = setting.fresh_skill(run, pool)
+    fresh = training.fresh_skill(run, pool)
     known, learner = (skills[run.controller], "kept") if run.controller in skills else (fresh, "initial")
-    if learner == "initial" and (cloned := _clone(setting, run, fresh, pool, judge)) is not None:
+    if learner == "initial" and (cloned := _clone(training, run, fresh, pool, evaluator)) is not None:
         return *cloned, "clone"
-    rate = judge(known).rate
-    if learner == "kept" and rate < setting.target(run):
-        cloned = _clone(setting, run, fresh, pool, judge)
+    rate = evaluator(known).rate
+    if learner == "kept" and rate < training.target(run):
+        cloned = _clone(training, run, fresh, pool, evaluator)
         if cloned is not None and cloned[1] > rate:
             return *cloned, "clone"
     return known, rate, learner
 
 
-def _clone(setting: Setting, run: Run, fresh: Skill, pool: StartPool, judge: Judge) -> tuple[Skill, float] | None:
+def _clone(
+    training: ProgramTraining, run: Run, fresh: Skill, pool: StartPool, evaluator: SkillEvaluator
+) -> tuple[Skill, float] | None:
     """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
-    config, frames = setting.config, setting.frames(run)
+    config, frames = training.config, training.frames(run)
     if frames is None or config.profile == "paper" or isinstance(run.until, Solved):
         return None
-    seed = setting.seed_of(f"{run.controller} clone")
+    seed = training.seed_of(f"{run.controller} clone")
     if config.profile == "states":
-        spec = setting.spec(run, ALL_UNITS, ALL_UNITS)
-        return clone_states(fresh, frames, pool, spec, judge, config, seed)
-    return clone_frames(fresh, frames.samples(), judge, config, seed)
+        spec = training.spec(run, ALL_UNITS, ALL_UNITS)
+        return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
+    return clone_frames(fresh, frames.samples(), evaluator, config, seed)
 
 
 def _write(path: Path, identity: Mapping[str, object], skill: Skill, report: SkillReport) -> None:

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from roboscribe.dsl.interpreter import Segment
-from roboscribe.rl.clone import Samples, clone
+from roboscribe.rl.clone import CloningSamples, clone
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.inverse_dynamics import Transitions, explore, fit_inverse, probe, random_actions
 from roboscribe.rl.observation import ObservationSpec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import Judge
+from roboscribe.rl.skill_env import SkillEvaluator
 from roboscribe.world.layout import FloatArray, IntArray
 from roboscribe.world.trajectory import Trajectory
 
@@ -43,9 +43,9 @@ class Frames:
         """M."""
         return len(self.states)
 
-    def samples(self) -> Samples:
+    def samples(self) -> CloningSamples:
         """Return the frames whose actions are known."""
-        return Samples(self.states, self.entities, self.actions).known()
+        return CloningSamples(self.states, self.entities, self.actions).known()
 
 
 def frames_of(part: Segment, demonstration: Trajectory, beyond: int, actions: bool, action_size: int) -> Frames:
@@ -88,7 +88,7 @@ def joined(parts: Sequence[Frames]) -> Frames:
 
 
 def clone_frames(
-    fresh: Skill, samples: Samples, judge: Judge, config: TrainConfig, seed: int
+    fresh: Skill, samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
 ) -> tuple[Skill, float] | None:
     """Return the first clone that reaches the target in rollouts, else the best; None where there is nothing to clone.
 
@@ -97,9 +97,9 @@ def clone_frames(
     best: tuple[Skill, float] | None = None
     for attempt in range(config.clone.attempts if len(samples) else 0):
         for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
-            if best is not None and judge.rest < 0:
+            if best is not None and evaluator.rest < 0:
                 return best
-            rate = judge(skill, 0.0 if best is None else best[1]).rate
+            rate = evaluator(skill, 0.0 if best is None else best[1]).rate
             if best is None or rate > best[1]:
                 best = skill, rate
             if rate >= config.target:
@@ -108,7 +108,13 @@ def clone_frames(
 
 
 def clone_states(
-    fresh: Skill, frames: Frames, pool: StartPool, spec: ObservationSpec, judge: Judge, config: TrainConfig, seed: int
+    fresh: Skill,
+    frames: Frames,
+    pool: StartPool,
+    spec: ObservationSpec,
+    evaluator: SkillEvaluator,
+    config: TrainConfig,
+    seed: int,
 ) -> tuple[Skill, float] | None:
     """Return the best clone of actions that are inferred from states alone.
 
@@ -121,27 +127,29 @@ def clone_states(
         frames: demonstrated; their actions are not used.
         pool: start states of the skill.
         spec: what the inverse model sees of a state.
-        judge: measures clones in rollouts; its world is used to try actions out.
+        evaluator: measures clones in rollouts; its world is used to try actions out.
         config: settings.
         seed: decides everything.
     """
     rng = np.random.default_rng(seed)
-    data = _first_tries(frames, pool, judge, config, rng)
+    data = _first_tries(frames, pool, evaluator, config, rng)
     best: tuple[Skill, float] | None = None
     for turn in range(config.inverse.rounds if len(data) else 0):
         model = fit_inverse(spec, fresh.layout, data, config.inverse, seed + turn)
         done = model.infer(frames.states, frames.following, frames.entities)
-        found = clone_frames(fresh, Samples(frames.states, frames.entities, done), judge, config, seed + turn)
+        found = clone_frames(
+            fresh, CloningSamples(frames.states, frames.entities, done), evaluator, config, seed + turn
+        )
         if found is not None and (best is None or found[1] > best[1]):
             best = found
-        if best is None or best[1] >= config.target or judge.rest < len(pool) * config.inverse.rollout_steps:
+        if best is None or best[1] >= config.target or evaluator.rest < len(pool) * config.inverse.rollout_steps:
             break
-        data = data.joined(explore(judge.world, pool, best[0], config.inverse, rng))
+        data = data.joined(explore(evaluator.world, pool, best[0], config.inverse, rng))
     return best
 
 
 def _first_tries(
-    frames: Frames, pool: StartPool, judge: Judge, config: TrainConfig, rng: np.random.Generator
+    frames: Frames, pool: StartPool, evaluator: SkillEvaluator, config: TrainConfig, rng: np.random.Generator
 ) -> Transitions:
     """Try actions out from demonstrated or start states, from as many of them as half of the budget allows."""
     stored, settings = frames.snapshots.shape[1] > 0, config.inverse
@@ -149,5 +157,5 @@ def _first_tries(
     snapshots = np.repeat(frames.snapshots if stored else pool.snapshots, tries, axis=0)
     entities = np.repeat(frames.simulated if stored else pool.entities, tries, axis=0)
     actions = random_actions(steps, len(snapshots), frames.actions.shape[1], rng)
-    some = slice(int(min(len(snapshots), max(judge.rest, 0) / 2 / steps)))
-    return probe(judge.world, snapshots[some], entities[some], actions[:, some])
+    some = slice(int(min(len(snapshots), max(evaluator.rest, 0) / 2 / steps)))
+    return probe(evaluator.world, snapshots[some], entities[some], actions[:, some])

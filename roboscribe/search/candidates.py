@@ -29,6 +29,8 @@ BIT_GAIN = 0.05
 """Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
 MOST_BITS = 6.0
 """Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
+CHANCE = 0.05
+"""How many predicates may be expected to hold at every crossing by chance, as often as they hold in failing states."""
 LEAST_BITS = 1.0
 """Bits below which a predicate says nothing: it does not even halve what is possible."""
 OFTEN = 0.1
@@ -115,7 +117,7 @@ class Candidate:
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
-        informative: whether φ says enough, see `enough_said`.
+        informative: whether φ says enough, see `enough_said`, and not by chance, see `likely_chance`.
     """
 
     predicate: Predicate
@@ -195,6 +197,19 @@ def enough_said(bits: float, crossings: int, choices: int) -> bool:
     return bool(bits >= LEAST_BITS and bits * crossings >= np.log2(choices))
 
 
+def likely_chance(accepted: BoolArray, crossings: int, choices: int, atoms: int = 1) -> bool:
+    """Tell whether some predicate would hold at every crossing even if crossings were no more than failing states.
+
+    Args:
+        accepted: (M,) failing states on which the predicate holds.
+        crossings: how often the demonstrations agree with it; of few, failing states would agree with much.
+        choices: how many expressions were on offer, each with two sides.
+        atoms: of how many of them the predicate consists.
+    """
+    share = (np.count_nonzero(accepted) + 1) / (len(accepted) + 2)
+    return bool(atoms * np.log2(2 * choices) + crossings * np.log2(share) > np.log2(CHANCE))
+
+
 def level(share: float, levels: tuple[float, ...]) -> int:
     """Return the index of the first of `levels` that is not below `share`."""
     return int(np.searchsorted(levels, share))
@@ -246,7 +261,8 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),
         bits=it.bits,
-        informative=enough_said(it.bits, len(samples.starts), samples.choices),
+        informative=enough_said(it.bits, len(samples.starts), samples.choices)
+        and not likely_chance(it.on_negatives, len(samples.starts), samples.choices, len(it.features)),
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         standing=int(bool(samples.anchors) and any(uses_robot(f.term) for f in it.features)),

@@ -81,10 +81,10 @@ def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predic
 def enumerate_conjunctions(atoms: Atoms, positive: BoolArray, tolerance: float, budget: int = BUDGET) -> Enumeration:
     """Judge every conjunction of up to three literals, as long as the budget lasts; arguments as `top_down_enum`."""
     atoms, positives, negatives = _counted(atoms, positive)
-    door = _Door(literals(atoms), positives, negatives, tolerance, budget)
+    evaluator = _CandidateEvaluator(literals(atoms), positives, negatives, tolerance, budget)
     for length in range(1, LONGEST + 1):
-        door.judge_all(length)
-    return Enumeration(door.cheapest(), door.candidates, door.count_up_to(door.least))
+        evaluator.judge_all(length)
+    return Enumeration(evaluator.cheapest(), evaluator.candidates, evaluator.count_up_to(evaluator.least))
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
 
 
 @dataclass
-class _Door:
+class _CandidateEvaluator:
     """Every candidate passes here: it is counted, judged, and kept if nothing cheaper separates.
 
     Args:

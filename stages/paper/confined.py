@@ -8,10 +8,10 @@ from typing import Any
 
 import pandas as pd
 
-from stages.paper.report import Report, grid, percent, seed_list, spell_spread
-from stages.paper.statistics import FEW_SEEDS, spread
-from stages.paper.style import PAPER, QUICK, colour, pictures, rate_axis, styled
-from stages.paper.values import CONFINED
+from roboscribe.stages.paper.report import Report, grid, percent, seed_list, spell_spread
+from roboscribe.stages.paper.statistics import FEW_SEEDS, spread
+from roboscribe.stages.paper.style import PAPER, QUICK, colour, pictures, rate_axis, styled
+from roboscribe.stages.paper.values import CONFINED
 
 OLD, NEW, ZERO_SHOT = "old guard", "new guard", "zero-shot"
 FIGURES = ("successes", "episodes", "success", "ci_low", "ci_high", "control_steps")

@@ -8,11 +8,19 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 import pandas as pd
 
-from stages.paper.report import NOT_BUILT, Report, grid, percent, seed_list, spell_spread, spell_steps
-from stages.paper.rows import FINAL, GIVEN_UP, NO_PROGRAM, OURS, finals, in_order, line_name, named_lines
-from stages.paper.statistics import FEW_SEEDS, improvement, median_steps, middle, spread, steps_until, value_at
-from stages.paper.style import ORDER, PAPER, QUICK, colour, label_lines, pictures, rate_axis, styled
-from stages.paper.values import CURVES_NOTE, REPORTED
+from roboscribe.stages.paper.report import NOT_BUILT, Report, grid, percent, seed_list, spell_spread, spell_steps
+from roboscribe.stages.paper.rows import FINAL, GIVEN_UP, NO_PROGRAM, OURS, finals, in_order, line_name, named_lines
+from roboscribe.stages.paper.statistics import (
+    FEW_SEEDS,
+    improvement,
+    median_steps,
+    middle,
+    spread,
+    steps_until,
+    value_at,
+)
+from roboscribe.stages.paper.style import ORDER, PAPER, QUICK, colour, label_lines, pictures, rate_axis, styled
+from roboscribe.stages.paper.values import CURVES_NOTE, REPORTED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,12 +7,12 @@ from math import inf, isinf
 
 import pandas as pd
 
-from stages.paper.curves import runs_of
-from stages.paper.report import Report, grid, percent, seed_list, spell_spread, spell_steps
-from stages.paper.rows import finals
-from stages.paper.statistics import FEW_SEEDS, median_steps, spread, steps_until
-from stages.paper.style import COLOURS, PAPER, QUICK, pictures, rate_axis, styled
-from stages.paper.values import DEMONSTRATIONS
+from roboscribe.stages.paper.curves import runs_of
+from roboscribe.stages.paper.report import Report, grid, percent, seed_list, spell_spread, spell_steps
+from roboscribe.stages.paper.rows import finals
+from roboscribe.stages.paper.statistics import FEW_SEEDS, median_steps, spread, steps_until
+from roboscribe.stages.paper.style import COLOURS, PAPER, QUICK, pictures, rate_axis, styled
+from roboscribe.stages.paper.values import DEMONSTRATIONS
 
 ENOUGH = 0.95
 """Success until which control steps are counted."""

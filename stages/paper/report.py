@@ -9,8 +9,8 @@ from math import isinf, isnan
 import pandas as pd
 
 from roboscribe.io.atomic import Json, indented_json
-from stages.paper.statistics import Spread
-from stages.paper.style import QUICK
+from roboscribe.stages.paper.statistics import Spread
+from roboscribe.stages.paper.style import QUICK
 
 MANIFEST = "manifest.json"
 NOT_BUILT = "not built yet"

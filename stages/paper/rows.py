@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import pandas as pd
 
 from roboscribe.io.atomic import Json
+from roboscribe.stages.runtime.files import read_json, write_json
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.steps import wilson
-from stages.files import read_json, write_json
-from stages.world import TaskConfig
 
 OURS = "roboscribe"
 CELL = "cell.json"

@@ -10,8 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from roboscribe.errors import ArtifactError
-from stages.journal import Record, read_records
-from stages.mlflow_store import JOURNAL, PARENT
+from roboscribe.stages.runtime.journal import Record, read_records
+from roboscribe.stages.tracking.mlflow_store import JOURNAL, PARENT
 
 COMMIT, QUICK, FINISHED = "mlflow.source.git.commit", "quick", "FINISHED"
 FILES = "files"

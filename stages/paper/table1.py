@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from stages.paper.report import NOT_BUILT, Report, grid, seed_list
-from stages.paper.rows import NO_PROGRAM, OURS, finals, in_order, named_lines
-from stages.paper.style import ORDER, PAPER, QUICK, colour, pictures, styled
-from stages.paper.values import REPORTED
+from roboscribe.stages.paper.report import NOT_BUILT, Report, grid, seed_list
+from roboscribe.stages.paper.rows import NO_PROGRAM, OURS, finals, in_order, named_lines
+from roboscribe.stages.paper.style import ORDER, PAPER, QUICK, colour, pictures, styled
+from roboscribe.stages.paper.values import REPORTED
 
 ABOUT = (
     "Refinements: executions of Algorithm 2, line 9, on the way to the program, mean over seeds; a synthesis without a "

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from stages.paper.report import Report, grid
-from stages.paper.rows import OURS
-from stages.paper.style import OTHER, PAPER, QUICK, label_heading, pictures, styled
-from stages.paper.values import RENN, paper_success
+from roboscribe.stages.paper.report import Report, grid
+from roboscribe.stages.paper.rows import OURS
+from roboscribe.stages.paper.style import OTHER, PAPER, QUICK, label_heading, pictures, styled
+from roboscribe.stages.paper.values import RENN, paper_success
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,24 +9,24 @@ from pathlib import Path
 
 import pytest
 
-from pipelines import cli
-from pipelines.audience import Audience
-from pipelines.baseline import BaselinePlan, BaselineSession
-from pipelines.home import Home
-from pipelines.programs import open_program
 from roboscribe.baselines.config import METHODS, RECIPES, Method, method_named
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.saved_program import load_program, save_program
-from stages import baseline, evaluate
-from stages.files import OUTCOME, read_json
-from stages.journal import read_records
-from stages.mlflow_store import JOURNAL
-from stages.package import DIRECTORY
-from stages.progress import Progress
-from stages.store import Store
-from stages.world import TaskConfig
+from roboscribe.pipelines import cli
+from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.programs import load_with_task
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.stages import baseline, evaluate
+from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.runtime.store import Store
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.mlflow_store import JOURNAL
 from tests.baselines.examples import TINY
 
 TASK = TaskConfig("point-tower-3")
@@ -58,7 +58,7 @@ def test_what_a_method_saves_runs_on_other_towers(method: Method, demonstrations
     manifest = load_program(out / DIRECTORY).manifest
     assert (manifest["kind"], manifest["method"], manifest["profile"]) == ("baseline", method, RECIPES[method].profile)
     assert (manifest["gradient_steps"], manifest["control_steps"]) == ((0, 40) if RECIPES[method].rollouts else (40, 0))
-    program, where = open_program(out / DIRECTORY, "point-tower-5", "stable", "fast")
+    program, where = load_with_task(out / DIRECTORY, "point-tower-5", "stable", "fast")
     figures = evaluate.measure(program, where.make(), 0, 2).figures
     assert figures["episodes"] == 2
     assert {path.suffix for path in out.rglob("*") if path.is_file()} <= {".json", ".jsonl", ".txt", ".safetensors"}
@@ -90,9 +90,9 @@ def test_a_killed_stage_goes_on(method: Method, demonstrations: Path, tmp_path: 
 def test_a_baseline_does_not_fit_other_actions(demonstrations: Path, tmp_path: Path) -> None:
     out = trained("bc", demonstrations, tmp_path)
     with pytest.raises(ArtifactError, match="gives 3 numbers, actions of point-push-1 have 2"):
-        open_program(out / DIRECTORY, "point-push-1", "stable", "fast")
+        load_with_task(out / DIRECTORY, "point-push-1", "stable", "fast")
     with pytest.raises(ArtifactError, match="the policy"):
-        open_program(out / DIRECTORY, "point-drawer-3", "stable", "fast")
+        load_with_task(out / DIRECTORY, "point-drawer-3", "stable", "fast")
 
 
 def test_a_damaged_network_is_refused(demonstrations: Path, tmp_path: Path) -> None:
@@ -100,14 +100,14 @@ def test_a_damaged_network_is_refused(demonstrations: Path, tmp_path: Path) -> N
     weights = {name: array for name, array in saved.weights.items() if name != "bc.head.bias"}
     save_program(tmp_path / "cut", replace(saved, weights=weights))
     with pytest.raises(ArtifactError, match="do not fit"):
-        open_program(tmp_path / "cut", None, "stable", "fast")
+        load_with_task(tmp_path / "cut", None, "stable", "fast")
 
 
 @pytest.fixture
 def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
     """Run a command in an empty home without tracking; returns its exit code."""
     monkeypatch.setenv("ROBOSCRIBE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("stages.tracking.Tracker.start", lambda tracker: None)
+    monkeypatch.setattr("roboscribe.stages.tracking.tracker.Tracker.start", lambda tracker: None)
 
     def call(*arguments: object) -> int:
         monkeypatch.setattr("sys.argv", ["roboscribe", *map(str, arguments)])
@@ -146,8 +146,8 @@ def test_what_is_tracked(tmp_path: Path, demonstrations: Path) -> None:
     """The curve, the figures and the policy stand in the journal, once, also after a second look."""
     plan = BaselinePlan("deepset", TASK, steps=320, episodes=3, settings=TINY)
     for _ in range(2):
-        session = BaselineSession(plan, Home(tmp_path), "local", tmp_path / "out", track=False)
-        session.run(Audience(lambda label: None, lambda event: None, lambda progress: None))
+        session = BaselineRun(plan, Workspace(tmp_path), "local", tmp_path / "out", track=False)
+        session.run(Callbacks(lambda label: None, lambda event: None, lambda progress: None))
     (journal,) = (tmp_path / "data" / "runs").glob(f"*/{JOURNAL}")
     records = [record for _, record in read_records(journal)]
     curve = [(r["step"], r["value"]) for r in records if r["key"] == "curve/success"]

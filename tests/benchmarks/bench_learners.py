@@ -21,8 +21,8 @@ from roboscribe.rl import clone as cloning
 from roboscribe.rl.config import CloneConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import ALL_UNITS, fit_inverse, probe, random_actions
 from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.program_training import ProgramTraining
 from roboscribe.rl.sac import train_sac
-from roboscribe.rl.setting import Setting
 from roboscribe.rl.skill_env import Verdict
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Task, World
@@ -112,13 +112,13 @@ class Figures:
         return f"{self.name:18s} {rate:10.0f} {rate * self.samples:12.0f} {speed} {100 * rest:8.1f} %"
 
 
-def bench_ppo(setting: Setting, watch: Watch, iterations: int = 10) -> Figures:
+def bench_ppo(training: ProgramTraining, watch: Watch, iterations: int = 10) -> Figures:
     """Run PPO for a few iterations."""
-    run, config = setting.runs[0], PpoConfig(critic_iterations=0)
-    _, pool, _ = setting.pools(run, {})
-    skill, learning = setting.fresh_skill(run, pool), Watch()
+    run, config = training.runs[0], PpoConfig(critic_iterations=0)
+    _, pool, _ = training.pools(run, {})
+    skill, learning = training.fresh_skill(run, pool), Watch()
     budget = iterations * config.worlds * config.steps
-    task = LearnerTask(setting.subtask(run), pool, lambda *_: Verdict(0.0, 0), 1.0, budget)
+    task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 1.0, budget)
 
     def log(metrics: object, step: int) -> None:
         assert isinstance(metrics, dict)
@@ -131,16 +131,16 @@ def bench_ppo(setting: Setting, watch: Watch, iterations: int = 10) -> Figures:
     return Figures("PPO (rsl-rl)", updates, samples, budget, wall, watch.seconds, learning.seconds)
 
 
-def bench_sac(setting: Setting, watch: Watch, rounds: int = 120) -> Figures:
+def bench_sac(training: ProgramTraining, watch: Watch, rounds: int = 120) -> Figures:
     """Run SAC for some rounds, most of them with updates."""
-    run, config = setting.runs[0], SacConfig(evaluate_every=rounds, learning_starts=1280)
-    _, pool, _ = setting.pools(run, {})
-    task = LearnerTask(setting.subtask(run), pool, lambda *_: Verdict(0.0, 0), 2.0, config.worlds * rounds)
+    run, config = training.runs[0], SacConfig(evaluate_every=rounds, learning_starts=1280)
+    _, pool, _ = training.pools(run, {})
+    task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 2.0, config.worlds * rounds)
     learning, train = Watch(), SAC.train
     SAC.train = learning.timed(train)  # type: ignore[method-assign] # the library has no hook around its updates
     try:
         watch.seconds, start = 0.0, perf_counter()
-        train_sac(setting.fresh_skill(run, pool), task, config, 0)
+        train_sac(training.fresh_skill(run, pool), task, config, 0)
         wall = perf_counter() - start
     finally:
         SAC.train = train  # type: ignore[method-assign] # put back
@@ -148,29 +148,29 @@ def bench_sac(setting: Setting, watch: Watch, rounds: int = 120) -> Figures:
     return Figures("SAC (SB3)", updates, config.batch, task.budget, wall, watch.seconds, learning.seconds)
 
 
-def bench_clone(setting: Setting) -> Figures:
+def bench_clone(training: ProgramTraining) -> Figures:
     """Clone the demonstrated segments."""
-    run, config = setting.runs[0], CloneConfig()
-    frames = setting.frames(run)
+    run, config = training.runs[0], CloneConfig()
+    frames = training.frames(run)
     assert frames is not None
-    _, pool, _ = setting.pools(run, {})
-    skill, start = setting.fresh_skill(run, pool), perf_counter()
+    _, pool, _ = training.pools(run, {})
+    skill, start = training.fresh_skill(run, pool), perf_counter()
     list(cloning.clone(skill, frames.samples(), config, 0))
     wall = perf_counter() - start
     return Figures("cloning", config.steps, config.batch, 0, wall, 0.0, wall)
 
 
-def bench_inverse(setting: Setting, watch: Watch) -> Figures:
+def bench_inverse(training: ProgramTraining, watch: Watch) -> Figures:
     """Try actions out from the demonstrated states, and fit them."""
-    run, config = setting.runs[0], setting.config.inverse
-    frames = setting.frames(run)
+    run, config = training.runs[0], training.config.inverse
+    frames = training.frames(run)
     assert frames is not None
-    rng, world = np.random.default_rng(0), setting.task.world(64)
+    rng, world = np.random.default_rng(0), training.task.world(64)
     watch.seconds, start = 0.0, perf_counter()
     snapshots, entities = (np.repeat(each, config.tries, axis=0) for each in (frames.snapshots, frames.entities))
     data = probe(world, snapshots, entities, random_actions(1, len(snapshots), 4, rng))
     fitting = perf_counter()
-    fit_inverse(setting.spec(run, ALL_UNITS, ALL_UNITS), setting.task.layout, data, config, 0)
+    fit_inverse(training.spec(run, ALL_UNITS, ALL_UNITS), training.task.layout, data, config, 0)
     end = perf_counter()
     return Figures("inverse dynamics", config.steps, config.batch, len(data), end - start, watch.seconds, end - fitting)
 
@@ -181,13 +181,13 @@ def main() -> None:
     task = TimedTask(watch)
     config = TrainConfig()
     config = replace(config, pool=replace(config.pool, starts=128, evaluation=16))
-    setting = Setting(task, parse_program(PROGRAM), task.demonstrate(20, 0), config, 0, False)
+    training = ProgramTraining(task, parse_program(PROGRAM), task.demonstrate(20, 0), config, 0, False)
     print(f"{'learner':18s} {'updates/s':>10s} {'samples/s':>12s} {'steps/s':>8s} {'elsewhere':>10s}")
     for figures in (
-        bench_clone(setting),
-        bench_inverse(setting, watch),
-        bench_ppo(setting, watch),
-        bench_sac(setting, watch),
+        bench_clone(training),
+        bench_inverse(training, watch),
+        bench_ppo(training, watch),
+        bench_sac(training, watch),
     ):
         print(figures.row())
 

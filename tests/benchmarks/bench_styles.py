@@ -13,14 +13,14 @@ import sys
 import numpy as np
 
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.demonstrator import Episode, ScriptedTask, run, start
+from roboscribe.envs.demonstrator import DemonstrationAttempt, ScriptedTask, run, start
 from roboscribe.envs.styles import choices, style_names
 
 TASKS = ("pick-place-1", "pick-place-4", "tower-5")
 SEED = 1
 
 
-def attempts(name: str, style: str, count: int) -> list[Episode]:
+def attempts(name: str, style: str, count: int) -> list[DemonstrationAttempt]:
     """Try to give `count` demonstrations."""
     task = make_task(name)
     assert isinstance(task, ScriptedTask)

@@ -14,7 +14,7 @@ import pytest
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.replay import Moment
 from roboscribe.envs import graphics, render, schematic
-from roboscribe.envs.panel import BAD, BUSY, GOOD, LIT, Frame, Panel, Take
+from roboscribe.envs.panel import BAD, BUSY, GOOD, LIT, Frame, Panel, RecordedEpisode
 from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.envs.scene_painter import ScenePainter
 from roboscribe.envs.tasks.pick_place import PickPlace
@@ -35,7 +35,7 @@ LOOP = parse_program(
 
 
 @pytest.fixture(scope="module")
-def take() -> Take:
+def take() -> RecordedEpisode:
     """Record four states, the second controller in the last two."""
     world, row = TASK.world(1), np.array([0])
     states, snapshots = [world.reset(row, np.array([4]))[0]], [world.save(row)[0]]
@@ -43,7 +43,7 @@ def take() -> Take:
         states.append(world.step(row, np.array([[0.0, 1.0, 1.0, 1.0]]))[0])
         snapshots.append(world.save(row)[0])
     moments = tuple(Moment(run, {"b": 0}, ended=False) for run in (0, 0, 1, 1))
-    return Take(np.array(states), np.array(snapshots), moments, True, "episode 7")
+    return RecordedEpisode(np.array(states), np.array(snapshots), moments, True, "episode 7")
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def no_opengl(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(graphics, "find_library", lambda _: None)
 
 
-def frames(take: Take) -> Iterator[Frame]:
+def frames(take: RecordedEpisode) -> Iterator[Frame]:
     return render.film_episode(TASK, PROGRAM, take, SIZE)
 
 
@@ -61,7 +61,9 @@ def colored(frame: Frame, color: tuple[int, int, int]) -> int:
     return int((np.abs(frame.astype(int) - color).max(axis=-1) < 3).sum())
 
 
-def test_a_film_has_a_frame_for_every_state_and_holds_the_last(take: Take, no_opengl: None, tmp_path: Path) -> None:
+def test_a_film_has_a_frame_for_every_state_and_holds_the_last(
+    take: RecordedEpisode, no_opengl: None, tmp_path: Path
+) -> None:
     out = render.write_video(frames(take), tmp_path / "deep" / "a.mp4", TASK.frequency)
     assert out == tmp_path / "deep" / "a.mp4"
     film = iio.imread(out)
@@ -69,7 +71,7 @@ def test_a_film_has_a_frame_for_every_state_and_holds_the_last(take: Take, no_op
     assert iio.immeta(out)["fps"] == TASK.frequency
 
 
-def test_the_panel_lights_the_line_that_acts(take: Take) -> None:
+def test_the_panel_lights_the_line_that_acts(take: RecordedEpisode) -> None:
     panel = Panel(TASK, PROGRAM, take, (560, 720))
     first, second, third = (panel.draw(index) for index in (0, 1, 2))
     rows = [np.flatnonzero((frame == LIT).all(axis=-1).any(axis=1)) for frame in (first, second, third)]
@@ -78,7 +80,7 @@ def test_the_panel_lights_the_line_that_acts(take: Take) -> None:
     assert rows[2].min() > rows[0].min(), "the second controller stands below the first"
 
 
-def test_the_panel_shows_values_and_how_it_ended(take: Take) -> None:
+def test_the_panel_shows_values_and_how_it_ended(take: RecordedEpisode) -> None:
     panel = Panel(TASK, PROGRAM, take, (560, 720))
     assert colored(panel.draw(0), BUSY) > 100, "a bar of what does not hold yet"
     assert colored(panel.draw(0), GOOD) == 0
@@ -93,7 +95,9 @@ def test_the_panel_shows_of_whom_a_guard_holds() -> None:
     for entity in (0, 2):
         done[FLAT.layout.columns[entity, "position", False]] = done[FLAT.layout.columns[entity, "position", True]]
     moments = (Moment(0, {"b": 1}, ended=False),) * 2
-    panel = Panel(FLAT, LOOP, Take(np.stack([state, done]), np.zeros((2, 0)), moments, True, "e"), (560, 720))
+    panel = Panel(
+        FLAT, LOOP, RecordedEpisode(np.stack([state, done]), np.zeros((2, 0)), moments, True, "e"), (560, 720)
+    )
     all_three, one = (colored(panel.draw(0), GOOD), colored(panel.draw(1)[:600], GOOD))
     assert 2.5 * one < all_three < 3.5 * one
 
@@ -101,20 +105,20 @@ def test_the_panel_shows_of_whom_a_guard_holds() -> None:
 def test_a_program_that_is_over_is_drawn() -> None:
     """A loop that ends leaves its variable null, and its last controller acting."""
     state = FLAT.world(1).reset(np.array([0]), np.array([3]))
-    take = Take(state, np.zeros((1, 0)), (Moment(1, {}, ended=True),), True, "e")
+    take = RecordedEpisode(state, np.zeros((1, 0)), (Moment(1, {}, ended=True),), True, "e")
     assert Panel(FLAT, LOOP, take, (560, 720)).draw(0).shape == (720, 560, 3)
 
 
 @pytest.mark.parametrize("width", [200, 420, 560])
 def test_long_lines_are_broken(width: int) -> None:
     state = FLAT.world(1).reset(np.array([0]), np.array([3]))
-    take = Take(state, np.zeros((1, 0)), (Moment(0, {"b": 1}, ended=False),), True, "e")
+    take = RecordedEpisode(state, np.zeros((1, 0)), (Moment(0, {"b": 1}, ended=False),), True, "e")
     drawn = Panel(FLAT, LOOP, take, (width, 540)).draw(0)
     assert (drawn[60:400, -6:] == drawn[60, -1]).all(), "nothing runs over the edge"
 
 
-def test_a_grid_shows_every_episode_to_its_end(take: Take, no_opengl: None) -> None:
-    short = Take(take.states[:2], take.snapshots[:2], take.moments[:2], False, "episode 8")
+def test_a_grid_shows_every_episode_to_its_end(take: RecordedEpisode, no_opengl: None) -> None:
+    short = RecordedEpisode(take.states[:2], take.snapshots[:2], take.moments[:2], False, "episode 8")
     drawn = list(render.film_grid(TASK, [take, short], 2, (640, 240)))
     assert len(drawn) == 4 + round(TASK.frequency)
     left, right = drawn[2][:, :320], drawn[2][:, 320:]
@@ -123,21 +127,25 @@ def test_a_grid_shows_every_episode_to_its_end(take: Take, no_opengl: None) -> N
     assert colored(drawn[-1][:, :320], GOOD) > 1000
 
 
-def test_thinned_films_keep_the_last_state(take: Take) -> None:
+def test_thinned_films_keep_the_last_state(take: RecordedEpisode) -> None:
     thin = take.thinned(2)
     assert np.array_equal(thin.states, take.states[[0, 2, 3]])
     assert (len(thin.moments), thin.every, thin.steps) == (3, 2, (0, 2, 3))
     assert thin.thinned(2).steps == (0, 3)
 
 
-def test_a_gif_is_written_when_asked(take: Take, no_opengl: None, tmp_path: Path) -> None:
+def test_a_gif_is_written_when_asked(take: RecordedEpisode, no_opengl: None, tmp_path: Path) -> None:
     out = render.write_video(frames(take), tmp_path / "a.gif", TASK.frequency)
     assert out.read_bytes().startswith(b"GIF89a")
     assert iio.immeta(out)["duration"] == 80, "every second frame of 25 a second, milliseconds"
 
 
 def test_a_gif_is_written_without_an_encoder(
-    take: Take, no_opengl: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    take: RecordedEpisode,
+    no_opengl: None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     monkeypatch.setattr(render, "_has_encoder", lambda: False)
     assert render.write_video(frames(take), tmp_path / "a.mp4", TASK.frequency) == tmp_path / "a.gif"
@@ -145,7 +153,7 @@ def test_a_gif_is_written_without_an_encoder(
     assert [path.name for path in tmp_path.iterdir()] == ["a.gif"]
 
 
-def test_a_poster_is_the_last_picture(take: Take, no_opengl: None, tmp_path: Path) -> None:
+def test_a_poster_is_the_last_picture(take: RecordedEpisode, no_opengl: None, tmp_path: Path) -> None:
     out = render.write_video(frames(take), tmp_path / "a.mp4", TASK.frequency)
     picture = iio.imread(render.poster(out), extension=".jpg").astype(int)
     last = iio.imread(out)[-1].astype(int)
@@ -153,7 +161,9 @@ def test_a_poster_is_the_last_picture(take: Take, no_opengl: None, tmp_path: Pat
     assert np.abs(picture - last).mean() < 10
 
 
-def test_a_schematic_stands_in_without_opengl(take: Take, no_opengl: None, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_schematic_stands_in_without_opengl(
+    take: RecordedEpisode, no_opengl: None, caplog: pytest.LogCaptureFixture
+) -> None:
     with caplog.at_level(logging.WARNING):
         assert len(list(frames(take))) == 4 + round(TASK.frequency)
     assert "libegl1 or libosmesa6" in caplog.text
@@ -185,7 +195,7 @@ def test_backends_follow_the_users_choice(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 @pytest.mark.skipif(not graphics.backends(), reason="no OpenGL library on this machine")
-def test_pictures_show_the_goal_the_block_and_what_is_pointed_at(take: Take) -> None:
+def test_pictures_show_the_goal_the_block_and_what_is_pointed_at(take: RecordedEpisode) -> None:
     painter = render.painter(TASK, take.states, (480, 480))
     assert isinstance(painter, ScenePainter)
     here = painter(take.states[0], take.snapshots[0]).astype(int)
@@ -204,7 +214,7 @@ def test_pictures_show_the_goal_the_block_and_what_is_pointed_at(take: Take) -> 
     assert 20 < outlined < 0.02 * here[..., 0].size, "edges around the block"
 
 
-def test_counts_must_agree(take: Take) -> None:
+def test_counts_must_agree(take: RecordedEpisode) -> None:
     with pytest.raises(TaskError, match="4 states, 4 snapshots, 2 moments"):
         next(frames(replace(take, moments=take.moments[:2])))
 

@@ -11,17 +11,17 @@ import pytest
 
 from roboscribe.envs import demonstrator, multi_block_demonstrator, single_block_demonstrator
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.demonstrator import Episode, ScriptedTask, demonstrate
+from roboscribe.envs.demonstrator import DemonstrationAttempt, ScriptedTask, demonstrate
 from roboscribe.envs.performer import NEAR, PAUSE
 from roboscribe.envs.styles import DEFAULT, MIXED, STYLES, choices, style_names
 from roboscribe.errors import TaskError
 from roboscribe.io.validation import Screened, screen
+from roboscribe.stages.collect import Config, collect
+from roboscribe.stages.runtime.configuration import encode
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.world.layout import BoolArray, FloatArray
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
-from stages.collect import Config, collect
-from stages.settings import encode
-from stages.world import TaskConfig
 
 ATTEMPTS = 30
 HAND, BLOCK, GOAL = slice(0, 3), slice(7, 10), slice(16, 19)
@@ -35,7 +35,7 @@ def task(name: str = "pick-place-1") -> ScriptedTask:
 
 
 @lru_cache
-def attempts(style: str, name: str = "pick-place-1", count: int = ATTEMPTS) -> tuple[Episode, ...]:
+def attempts(style: str, name: str = "pick-place-1", count: int = ATTEMPTS) -> tuple[DemonstrationAttempt, ...]:
     wave = tuple(demonstrator.start(5, index, choices(style)) for index in range(count))
     demonstrator.run(task(name), task(name).world(count), wave)
     return wave

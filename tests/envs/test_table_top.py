@@ -13,7 +13,7 @@ from roboscribe.envs import demonstrator, graphics
 from roboscribe.envs import table_top_demonstrator as moves
 from roboscribe.envs import table_top_scene as scene
 from roboscribe.envs.catalogue import make_task
-from roboscribe.envs.demonstrator import Episode, demonstrate
+from roboscribe.envs.demonstrator import DemonstrationAttempt, demonstrate
 from roboscribe.envs.engine import INTEGRATION
 from roboscribe.envs.styles import DEFAULT, MIXED, STYLES, choices
 from roboscribe.envs.table_top_demonstrator import JOBS
@@ -41,7 +41,7 @@ def task(name: str = "table-top", timing: str = "fast") -> TableTop:
 
 
 @lru_cache
-def attempts(style: str = DEFAULT, name: str = "table-top", count: int = ATTEMPTS) -> tuple[Episode, ...]:
+def attempts(style: str = DEFAULT, name: str = "table-top", count: int = ATTEMPTS) -> tuple[DemonstrationAttempt, ...]:
     known = task(name)
     chosen = choices(style, known.script.styles)
     wave = tuple(demonstrator.start(5, index, chosen, look=known.script.look) for index in range(count))

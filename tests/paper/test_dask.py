@@ -14,10 +14,10 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from pipelines.home import Home
-from pipelines.paper.curves import draw_curves
-from pipelines.paper.experiment import Desk, Options
-from pipelines.paper.running import Runner
+from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.paper.curves import draw_curves
+from roboscribe.pipelines.paper.experiment import Desk, Options
+from roboscribe.pipelines.paper.cell_runner import Runner
 
 if __name__ == "__main__":
     options = Options(("point-pick-place-1",), ("roboscribe",), ("scripted",), seeds=2, episodes=10)

@@ -14,21 +14,21 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from pipelines.audience import Audience
-from pipelines.chain import Plan
-from pipelines.home import Home
-from pipelines.paper import cells
-from pipelines.paper.cells import Place, Synthesis
-from pipelines.paper.confined import Confinement, measure_confined
-from pipelines.paper.curves import draw_curves, make_table1
-from pipelines.paper.demos import draw_demos, ways_of
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.methods import budget_of
-from pipelines.paper.running import Runner, unheard
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import TaskError
-from stages.paper.rows import OURS, Trial, read_record
-from stages.world import TaskConfig
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.paper import cells
+from roboscribe.pipelines.paper.cell_runner import Runner, no_callbacks
+from roboscribe.pipelines.paper.cells import CellContext, Synthesis
+from roboscribe.pipelines.paper.confined import Confinement, measure_confined
+from roboscribe.pipelines.paper.curves import draw_curves, make_table1
+from roboscribe.pipelines.paper.demos import draw_demos, ways_of
+from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
+from roboscribe.pipelines.paper.methods import budget_of
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.stages.paper.rows import OURS, Trial, read_record
+from roboscribe.stages.runtime.task_config import TaskConfig
 from tests.pipelines.runs import Command, contents, scripted
 
 ONE, TOWER = "point-pick-place-1", "point-tower-3"
@@ -47,14 +47,19 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cells, "planned", plan)
 
 
-def desk(home: Path, out: str = "report") -> Desk:
+def context(home: Path, out: str = "report") -> ExperimentContext:
     """Work without Prefect and without tracking."""
-    return Desk(Home(home), Runner("local"), home / out, track=False)
+    return ExperimentContext(Workspace(home), Runner("local"), home / out, track=False)
 
 
-def conduct(act: Callable[[Options, Desk, Console], Done], options: Options, home: Path, out: str = "report") -> Done:
+def conduct(
+    act: Callable[[Options, ExperimentContext, Console], ExperimentResult],
+    options: Options,
+    home: Path,
+    out: str = "report",
+) -> ExperimentResult:
     """Do an experiment silently."""
-    return act(options, desk(home, out), Console(file=io.StringIO()))
+    return act(options, context(home, out), Console(file=io.StringIO()))
 
 
 def table(home: Path, name: str, out: str = "report") -> pd.DataFrame:
@@ -69,7 +74,7 @@ def trained(home: Path) -> int:
 
 def test_every_program_for_the_task_is_measured(tmp_path: Path) -> None:
     out = Synthesis(Trial(TaskConfig(ONE), profile="scripted", episodes=10, checked=5)).run(
-        Place(Home(tmp_path), track=False), unheard()
+        CellContext(Workspace(tmp_path), track=False), no_callbacks()
     )
     record = read_record(out)
     first, *_, last = record.points
@@ -84,7 +89,7 @@ def test_every_program_for_the_task_is_measured(tmp_path: Path) -> None:
 
 def test_a_cell_without_a_program_says_so(tmp_path: Path) -> None:
     trial = Trial(TaskConfig(ONE), profile="scripted", seed=7, episodes=10)
-    record = read_record(Synthesis(trial).run(Place(Home(tmp_path), track=False), unheard()))
+    record = read_record(Synthesis(trial).run(CellContext(Workspace(tmp_path), track=False), no_callbacks()))
     assert record.ended == "no program"
     assert record.refinements is None
     assert record.points[-1].successes == 0
@@ -105,7 +110,7 @@ def test_table_1_takes_the_syntheses_of_the_curves(tmp_path: Path) -> None:
 
 
 def test_tasks_that_do_not_exist_are_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.paper.curves.REPORTED", {"spire-9": None, ONE: None})
+    monkeypatch.setattr("roboscribe.pipelines.paper.curves.REPORTED", {"spire-9": None, ONE: None})
     done = conduct(make_table1, replace(SMALL, tasks=(), seeds=1), tmp_path)
     assert done.missing == ("spire-9",)
     assert "| spire-9 | roboscribe | - | - | not built yet | - |  |" in done.summary
@@ -123,10 +128,10 @@ def test_demonstrations_of_every_size(tmp_path: Path) -> None:
 
 
 def test_demonstrations_of_another_style_are_collected_first(tmp_path: Path) -> None:
-    usual, place = Trial(TaskConfig("pick-place-1"), shown=2), Place(Home(tmp_path), track=False)
-    slow = cells.demonstrations(replace(usual, style="slow"), place, unheard())
-    failing = cells.demonstrations(replace(usual, failing=0.5), place, unheard())
-    assert cells.demonstrations(usual, place, unheard()) is None
+    usual, context = Trial(TaskConfig("pick-place-1"), shown=2), CellContext(Workspace(tmp_path), track=False)
+    slow = cells.demonstrations(replace(usual, style="slow"), context, no_callbacks())
+    failing = cells.demonstrations(replace(usual, failing=0.5), context, no_callbacks())
+    assert cells.demonstrations(usual, context, no_callbacks()) is None
     assert slow is not None
     assert failing is not None
     assert slow.read_bytes() != failing.read_bytes()
@@ -137,10 +142,10 @@ def test_demonstrations_of_another_style_are_collected_first(tmp_path: Path) -> 
 
 def test_only_the_guard_is_learned_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program that places blocks in any order is shown 30 towers, and its loop takes the lowest goal first."""
-    monkeypatch.setattr("pipelines.paper.confined.SHOWN", 30)
+    monkeypatch.setattr("roboscribe.pipelines.paper.confined.SHOWN", 30)
     experiment = Confinement("point-place-3", TOWER)
     options = replace(SMALL, tasks=(), seeds=1, episodes=20)
-    done = measure_confined(experiment, options, desk(tmp_path), Console(file=io.StringIO()))
+    done = measure_confined(experiment, options, context(tmp_path), Console(file=io.StringIO()))
     found = table(tmp_path, "confined").set_index("way")
     assert done.failures == ()
     assert list(found.index) == ["old guard", "new guard"]
@@ -149,7 +154,7 @@ def test_only_the_guard_is_learned_again(tmp_path: Path, monkeypatch: pytest.Mon
     assert "∃b'" not in found.loc["old guard", "loop"]
     assert "g(b')↓z < g(b)↓z" in found.loc["new guard", "loop"]
     before = contents(tmp_path / "report")
-    measure_confined(experiment, options, desk(tmp_path), Console(file=io.StringIO()))
+    measure_confined(experiment, options, context(tmp_path), Console(file=io.StringIO()))
     assert contents(tmp_path / "report") == before
 
 
@@ -158,9 +163,9 @@ def killed(home: Path, label: str) -> None:
 
     def work() -> None:
         seen: list[str] = []
-        begin = Audience.__init__
+        begin = Callbacks.__init__
 
-        def listening(self: Audience, told: Callable[[str], None], *others: object) -> None:
+        def listening(self: Callbacks, told: Callable[[str], None], *others: object) -> None:
             def hear(stage: str) -> None:
                 seen.append(stage)
                 if stage == label:
@@ -169,7 +174,7 @@ def killed(home: Path, label: str) -> None:
 
             begin(self, hear, *others)  # type: ignore[arg-type]  # the other two ears
 
-        Audience.__init__ = listening  # type: ignore[method-assign]  # in this process only, which dies
+        Callbacks.__init__ = listening  # type: ignore[method-assign]  # in this process only, which dies
         conduct(draw_curves, SMALL, home)
 
     process = multiprocessing.get_context("fork").Process(target=work)
@@ -207,7 +212,7 @@ def test_budgets() -> None:
 
 def test_quick_runs_say_that_they_are_no_result(tmp_path: Path) -> None:
     options = Options((ONE,), (OURS,), ("scripted",), quick=True)
-    done = draw_curves(options, replace(desk(tmp_path), out=None), Console(file=io.StringIO()))
+    done = draw_curves(options, replace(context(tmp_path), out=None), Console(file=io.StringIO()))
     assert done.directory == tmp_path.resolve() / "data" / "paper" / "curves-quick"
     assert done.summary.startswith("# quick: not a result: paper curves\n")
     found = table(done.directory.parent, "curves", "curves-quick")

@@ -10,14 +10,24 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from roboscribe.stages.paper import confined, curves, demos, table1
+from roboscribe.stages.paper.report import About, Report, report_files, spell_steps
+from roboscribe.stages.paper.rows import (
+    CELL_COLUMNS,
+    COLUMNS,
+    GIVEN_UP,
+    NO_PROGRAM,
+    Point,
+    Record,
+    Trial,
+    rows_of,
+    tabulate,
+)
+from roboscribe.stages.paper.since import COMMIT, changes, newest
+from roboscribe.stages.paper.values import REPORTED
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.experiment import ChildRun, track_experiment
 from roboscribe.steps import wilson
-from stages.experiment import Child, track_experiment
-from stages.paper import confined, curves, demos, table1
-from stages.paper.report import About, Report, report_files, spell_steps
-from stages.paper.rows import CELL_COLUMNS, COLUMNS, GIVEN_UP, NO_PROGRAM, Point, Record, Trial, rows_of, tabulate
-from stages.paper.since import COMMIT, changes, newest
-from stages.paper.values import REPORTED
-from stages.world import TaskConfig
 from tests.pipelines.stores import empty_store, points, statuses
 
 ONE = "pick-place-1"
@@ -137,7 +147,7 @@ def tracked(home: Path, commit: str, table: pd.DataFrame, *, quick: bool = False
     files = {"curves.csv": table.to_csv(index=False).encode()}
     directory = home / "data" / "runs" / f"run-{commit}-{quick}"
     directory.mkdir(parents=True)
-    child = Child("cell", {"task": ONE}, {"success": 0.5}, ((10, 0.1), (20, 0.5)), "ab" * 32, {COMMIT: commit})
+    child = ChildRun("cell", {"task": ONE}, {"success": 0.5}, ((10, 0.1), (20, 0.5)), "ab" * 32, {COMMIT: commit})
     params = {"quick": str(quick)}
     track_experiment(
         directory, home / "mlruns", "paper curves", "paper curves", params, {}, files, {COMMIT: commit}, [child]

@@ -8,26 +8,26 @@ import pytest
 import yaml
 from rich.console import Console
 
-from pipelines.home import Home
-from pipelines.paper import everything
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.schedule import SCHEDULES, offer, scheduled
 from roboscribe.errors import TaskError
+from roboscribe.pipelines.paper import everything
+from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
+from roboscribe.pipelines.paper.schedule import SCHEDULES, scheduled, serve_schedules
+from roboscribe.pipelines.workspace import Workspace
 from tests.pipelines.runs import Command
 
 FILE = Path(everything.__file__).resolve().parent.parent / "prefect.yaml"
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Options, Desk]]:
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Options, ExperimentContext]]:
     """Note what would be done instead of doing it; one synthesis finds no program."""
-    seen: list[tuple[str, Options, Desk]] = []
+    seen: list[tuple[str, Options, ExperimentContext]] = []
 
     def noted(name: str) -> everything.Conduct:
-        def conduct(options: Options, desk: Desk, console: Console) -> Done:
-            seen.append((name, options, desk))
+        def conduct(options: Options, context: ExperimentContext, console: Console) -> ExperimentResult:
+            seen.append((name, options, context))
             failures = ("tower-5 seed 0: nothing separates",) if name == "demos" else ()
-            return Done("", failures, ("table-top",) if name == "curves" else (), desk.out)
+            return ExperimentResult("", failures, ("table-top",) if name == "curves" else (), context.out)
 
         return conduct
 
@@ -37,14 +37,17 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Options, Desk]]:
 
 
 def test_all_does_everything_and_says_what_is_missing(
-    command: Command, asked: list[tuple[str, Options, Desk]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: Command,
+    asked: list[tuple[str, Options, ExperimentContext]],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     given = ["--task", "tower-5", "--method", "roboscribe", "--seeds", 2, "--out", tmp_path / "out"]
     assert command("paper", "all", *given) == 3
     said = capsys.readouterr().out
     assert [name for name, _, _ in asked] == ["table1", "demos", "confined", "towers", "curves"]
     assert [options.tasks for _, options, _ in asked] == [("tower-5",), ("tower-5",), (), (), ("tower-5",)]
-    assert all(desk.out == tmp_path / "out" / name for name, _, desk in asked)
+    assert all(context.out == tmp_path / "out" / name for name, _, context in asked)
     assert "core-hours where nothing is in the store yet" in said.splitlines()[0]
     assert "  table-top not built yet" in said
     assert "  FAIL: tower-5 seed 0: nothing separates" in said
@@ -62,11 +65,13 @@ def test_the_file_says_what_the_command_offers() -> None:
         assert each["concurrency_limit"] == {"limit": 1, "collision_strategy": "ENQUEUE"}
 
 
-def test_a_scheduled_run_does_an_experiment(asked: list[tuple[str, Options, Desk]], tmp_path: Path) -> None:
+def test_a_scheduled_run_does_an_experiment(
+    asked: list[tuple[str, Options, ExperimentContext]], tmp_path: Path
+) -> None:
     scheduled.fn("curves", quick=True, methods=["roboscribe", "bc"], home=str(tmp_path))
-    ((name, options, desk),) = asked
+    ((name, options, context),) = asked
     assert (name, options) == ("curves", Options(methods=("roboscribe", "bc"), quick=True))
-    assert desk.home == Home(tmp_path)
+    assert context.home == Workspace(tmp_path)
     with pytest.raises(TaskError, match="nothing separates"):
         scheduled.fn("all", home=str(tmp_path))
     with pytest.raises(TaskError, match="unknown experiment 'tables'"):
@@ -76,4 +81,4 @@ def test_a_scheduled_run_does_an_experiment(asked: list[tuple[str, Options, Desk
 def test_without_a_server_nothing_is_offered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("PREFECT_API_URL", raising=False)
     with pytest.raises(TaskError, match="PREFECT_API_URL is not set"):
-        offer(tmp_path)
+        serve_schedules(tmp_path)

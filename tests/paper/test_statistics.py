@@ -8,7 +8,7 @@ from math import inf, isnan
 import numpy as np
 import pytest
 
-from stages.paper.statistics import Spread, improvement, median_steps, middle, spread, steps_until, value_at
+from roboscribe.stages.paper.statistics import Spread, improvement, median_steps, middle, spread, steps_until, value_at
 
 
 def test_the_interquartile_mean_leaves_a_quarter_out_at_either_end() -> None:

@@ -14,20 +14,20 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from pipelines.chain import Plan
-from pipelines.home import Home
-from pipelines.paper import cells
-from pipelines.paper.experiment import Desk, Done, Options
-from pipelines.paper.running import Runner
-from pipelines.paper.towers import Experiment, measure_towers
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.io.saved_program import load_program, save_program
-from stages import transfer
-from stages.mlflow_store import synchronise
-from stages.paper.rows import Trial
-from stages.store import Stage
-from stages.world import TaskConfig
+from roboscribe.pipelines.paper import cells
+from roboscribe.pipelines.paper.cell_runner import Runner
+from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
+from roboscribe.pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.stages import transfer
+from roboscribe.stages.paper.rows import Trial
+from roboscribe.stages.runtime.store import Stage
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.runs import Command, contents, run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 
@@ -40,9 +40,9 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from pipelines.home import Home
-from pipelines.paper.experiment import Desk
-from pipelines.paper.towers import Experiment, measure_towers
+from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.paper.experiment import Desk
+from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 from tests.paper.test_towers_command import SMALL, replace
 options = replace(SMALL, programs=(sys.argv[1],))
 measure_towers(Experiment(), options, Desk(Home(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False), Console())
@@ -61,12 +61,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def conduct(
     options: Options, home: Path, *, track: bool = False, experiment: Experiment | None = None
-) -> tuple[Done, str]:
+) -> tuple[ExperimentResult, str]:
     """Run an experiment without Prefect; returns what it leaves and what was said."""
     said = io.StringIO()
     console = Console(file=said, width=200)
-    desk = Desk(Home(home), Runner("local"), home / "report", track)
-    return measure_towers(experiment or Experiment(), options, desk, console), said.getvalue()
+    context = ExperimentContext(Workspace(home), Runner("local"), home / "report", track)
+    return measure_towers(experiment or Experiment(), options, context, console), said.getvalue()
 
 
 def read(home: Path) -> pd.DataFrame:

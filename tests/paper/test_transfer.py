@@ -12,14 +12,14 @@ from PIL import Image
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, save_program
+from roboscribe.stages import transfer
+from roboscribe.stages.paper.report import About, report_files
+from roboscribe.stages.paper.towers import Measurement, draw, report, summarise, tabulate
+from roboscribe.stages.paper.values import RENN, TASKS, paper_success
+from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.store import Store
+from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.steps import wilson
-from stages import transfer
-from stages.files import OUTCOME, read_json
-from stages.paper.report import About, report_files
-from stages.paper.towers import Measurement, draw, report, summarise, tabulate
-from stages.paper.values import RENN, TASKS, paper_success
-from stages.store import Store
-from stages.world import TaskConfig
 
 ABOUT = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipelines import cli
+from roboscribe.pipelines import cli
 from tests.pipelines.runs import Command
 
 
@@ -14,7 +14,7 @@ from tests.pipelines.runs import Command
 def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
     """Run a command in an empty home without tracking; returns its exit code."""
     monkeypatch.setenv("ROBOSCRIBE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("stages.tracking.Tracker.start", lambda tracker: None)
+    monkeypatch.setattr("roboscribe.stages.tracking.tracker.Tracker.start", lambda tracker: None)
 
     def call(*arguments: object) -> int:
         monkeypatch.setattr("sys.argv", ["roboscribe", *map(str, arguments)])

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pipelines.audience import Audience
-from pipelines.chain import Plan
-from pipelines.home import Home
-from pipelines.session import Engine, Session
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
+from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.synthesis_run import Engine, SynthesisRun
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
-from stages.events import Event
-from stages.progress import Progress
-from stages.world import TaskConfig
+from roboscribe.stages.runtime.events import Event
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 TASK = TaskConfig("point-pick-place-1")
 Command = Callable[..., int]
@@ -48,7 +48,9 @@ def run(
     on_progress: Callable[[Progress], None] = lambda progress: None,
 ) -> dict[str, Json] | Fail:
     """Run a plan in a directory of its own."""
-    return Session(plan, Home(home), engine, home / "program", track).run(Audience(on_stage, on_event, on_progress))
+    return SynthesisRun(plan, Workspace(home), engine, home / "program", track).run(
+        Callbacks(on_stage, on_event, on_progress)
+    )
 
 
 def contents(directory: Path) -> dict[str, bytes]:

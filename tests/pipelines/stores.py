@@ -9,7 +9,7 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from stages.mlflow_store import DATABASE, ensure_store
+from roboscribe.stages.tracking.mlflow_store import DATABASE, ensure_store
 
 
 @cache

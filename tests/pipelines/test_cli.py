@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from pipelines.cli import STYLE_HELP
 from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.envs.styles import style_names
 from roboscribe.io.demonstrations import write_demonstrations
+from roboscribe.pipelines.cli import STYLE_HELP
 from roboscribe.world.trajectory import Trajectory
 from tests.pipelines.runs import Command, contents, run, scripted
 

@@ -12,17 +12,17 @@ from typing import Any
 
 import pytest
 
-from pipelines import chain
-from pipelines.chain import Plan
-from pipelines.checkout import checkout_commit
-from pipelines.programs import program_directory
-from pipelines.session import publish
 from roboscribe import programs
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
+from roboscribe.pipelines import synthesis_pipeline
+from roboscribe.pipelines.programs import program_directory
+from roboscribe.pipelines.source_commit import checkout_commit
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.pipelines.synthesis_run import publish
 from roboscribe.programs import shipped_programs
 from roboscribe.rl.config import TrainConfig
-from stages.world import TaskConfig
+from roboscribe.stages.runtime.task_config import TaskConfig
 from tests.pipelines.runs import Command, contents, run, scripted
 
 FIGURES = {"success": 0.75, "ci_low": 0.41, "ci_high": 0.93, "episodes": 8}
@@ -136,11 +136,11 @@ def test_what_ships_can_be_loaded() -> None:
     ],
 )
 def test_the_command_that_makes_a_program(plan: Plan, spelled: str) -> None:
-    assert chain.command(plan, "actions") == spelled
+    assert synthesis_pipeline.command(plan, "actions") == spelled
 
 
 def test_a_manifest_says_how_the_program_was_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.session.checkout_commit", lambda: "c0ffee")
+    monkeypatch.setattr("roboscribe.pipelines.synthesis_run.checkout_commit", lambda: "c0ffee")
     result = run(scripted(), tmp_path)
     assert isinstance(result, Mapping)
     manifest = load_program(tmp_path / "program").manifest

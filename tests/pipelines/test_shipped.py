@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from pipelines.programs import evaluation, open_program
 from roboscribe.io.saved_program import load_program
+from roboscribe.pipelines.programs import evaluation, load_with_task
 from roboscribe.programs import TRAINED, shipped_names
-from stages.evaluate import Config
+from roboscribe.stages.evaluate import Config
 
 NAMES = shipped_names()
 
@@ -27,7 +27,7 @@ def test_each_is_small_and_says_how_it_was_made(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_solves_its_task(name: str) -> None:
-    program, where = open_program(TRAINED / name, None, "stable", "fast")
+    program, where = load_with_task(TRAINED / name, None, "stable", "fast")
     result = evaluation(program, Config(where, seed=123, episodes=8))
     success = result["success"]
     assert isinstance(success, float)

@@ -63,7 +63,7 @@ class Terminal:
 def open_terminal(arguments: list[str], more: Mapping[str, str] | None = None) -> Terminal:
     """Run `roboscribe` with arguments on a new terminal."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TERM": "xterm", **(more or {})}
-    command = [sys.executable, "-m", "pipelines.cli", *arguments]
+    command = [sys.executable, "-m", "roboscribe.pipelines.cli", *arguments]
     pid, descriptor = pty.fork()
     if pid == 0:
         os.execve(sys.executable, command, environment)

@@ -82,8 +82,8 @@ def test_definitions_that_explode_are_refused(order: int) -> None:
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_long_chains_of_definitions_are_refused(order: int) -> None:
-    chain = [f"p{k}(b) ≡ ¬p{k + 1}(b)" for k in range(3_000)] + ["p3000(b) ≡ b ≠ null"]
-    source = f"{HEAD}skip\nwhere\n" + "\n".join(chain[::order])
+    run_pipeline = [f"p{k}(b) ≡ ¬p{k + 1}(b)" for k in range(3_000)] + ["p3000(b) ≡ b ≠ null"]
+    source = f"{HEAD}skip\nwhere\n" + "\n".join(run_pipeline[::order])
     with pytest.raises(ProgramError, match="limit"):
         parse_program(source)
 

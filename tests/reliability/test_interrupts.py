@@ -11,7 +11,7 @@ from pathlib import Path
 
 import psutil
 
-from stages.mlflow_store import synchronise
+from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.stores import empty_store, statuses
 from tests.reliability.terminal import CTRL_C, ROOT, open_terminal
 from tests.reliability.test_runs import told_statuses
@@ -46,7 +46,8 @@ def test_row_16_ctrl_c_on_the_default_engine(tmp_path: Path) -> None:
 def test_row_16_a_server_ends_with_its_owner_however_that_ends(tmp_path: Path) -> None:
     """Formerly one in three outlived `kill -9`."""
     script = (
-        "import sys, time; from pathlib import Path; from pipelines.prefect_server import prefect_server\n"
+        "import sys, time; from pathlib import Path\n"
+        "from roboscribe.pipelines.flows.prefect_server import prefect_server\n"
         "with prefect_server(Path(sys.argv[1])) as server:\n"
         "    print(server.process.pid, flush=True); time.sleep(float(sys.argv[2]) if server.process else 0)"
     )

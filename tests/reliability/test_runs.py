@@ -16,11 +16,11 @@ import numpy as np
 import psutil
 import pytest
 
-from pipelines.chain import Plan
-from stages import train
-from stages.journal import read_records
-from stages.mlflow_store import synchronise
-from stages.store import PROGRESS
+from roboscribe.pipelines.synthesis_pipeline import Plan
+from roboscribe.stages import train
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.store import PROGRESS
+from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.runs import contents, learned, outputs, run, scripted
 from tests.pipelines.stores import empty_store, statuses
 
@@ -153,8 +153,8 @@ def told_statuses(home: Path) -> list[object]:
 
 def test_row_16_a_signal_ends_a_command_cleanly(tmp_path: Path) -> None:
     """The command ends with a word about going on, leaves no process behind, and its run is marked as killed."""
-    command = [sys.executable, "-m", "pipelines.cli", "synthesize", "point-pick-place-1", "--profile", "scripted"]
-    command += ["--engine", "local", "--episodes", "50000", "--home", str(tmp_path)]
+    command = [sys.executable, "-m", "roboscribe.pipelines.cli", "synthesize", "point-pick-place-1"]
+    command += ["--profile", "scripted", "--engine", "local", "--episodes", "50000", "--home", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     empty_store(tmp_path / "mlruns")
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)

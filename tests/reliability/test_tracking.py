@@ -15,11 +15,19 @@ from mlflow import MlflowClient
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
-from stages.events import Event, Refined, Trained
-from stages.journal import read_records
-from stages.mlflow_store import DATABASE, STATE, database_uri, ensure_store, open_copier, run_id_of, synchronise
-from stages.progress import Progress
-from stages.tracking import Tracker, spent
+from roboscribe.stages.runtime.events import Event, Refined, Trained
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.tracking.mlflow_store import (
+    DATABASE,
+    STATE,
+    database_uri,
+    ensure_store,
+    open_sync,
+    run_id_of,
+    synchronise,
+)
+from roboscribe.stages.tracking.tracker import Tracker, spent
 from tests.pipelines.runs import run, scripted
 from tests.pipelines.stores import empty_store, points, rows, statuses
 
@@ -39,7 +47,7 @@ def tell(listening: Tracker, steps: range) -> None:
 
 def copy(home: Path) -> None:
     """Copy the journal as it stands."""
-    open_copier(home / "runs" / "abc", home / "mlruns").copy()
+    open_sync(home / "runs" / "abc", home / "mlruns").copy()
 
 
 def expected(steps: range) -> list[tuple[object, ...]]:
@@ -110,7 +118,7 @@ def test_another_store_is_filled_from_the_start(tmp_path: Path) -> None:
     copy(tmp_path)
     tell(listening, range(3, 6))
     other = empty_store(tmp_path / "other")
-    open_copier(tmp_path / "runs" / "abc", other).copy()
+    open_sync(tmp_path / "runs" / "abc", other).copy()
     assert points(other, CURVE) == expected(range(6))
     copy(tmp_path)
     assert points(tmp_path / "mlruns", CURVE) == expected(range(6))

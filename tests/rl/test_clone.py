@@ -7,7 +7,7 @@ from carry_world import PROGRAM, Carry, Direct, layout
 
 from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
-from roboscribe.rl.clone import Samples, clone, gaussian_loss
+from roboscribe.rl.clone import CloningSamples, clone, gaussian_loss
 from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.skill import Skill
@@ -15,14 +15,14 @@ from roboscribe.rl.skill import Skill
 QUICK = CloneConfig(steps=200, hidden=(32, 32), checkpoints=2)
 
 
-def blank(samples: Samples) -> Skill:
+def blank(samples: CloningSamples) -> Skill:
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout())
     return Skill("hold", spec.fitted(layout(), samples.states, samples.entities), (), layout())
 
 
-def reaching(count: int, seed: int) -> Samples:
+def reaching(count: int, seed: int) -> CloningSamples:
     states, entities = np.random.default_rng(seed).uniform(-0.3, 0.3, (count, 6)), np.zeros((count, 1), np.int64)
-    return Samples(states, entities, Direct(carry=False).act(states, entities))
+    return CloningSamples(states, entities, Direct(carry=False).act(states, entities))
 
 
 def test_loss_is_the_negative_log_likelihood_up_to_a_constant() -> None:
@@ -63,7 +63,7 @@ def test_a_few_wild_frames_do_not_spoil_the_rest() -> None:
     actions = samples.actions.copy()
     wild = np.random.default_rng(1).choice(400, 20, replace=False)
     actions[wild] = -actions[wild]
-    *_, (_, cloned) = clone(blank(samples), Samples(samples.states, samples.entities, actions), QUICK, 0)
+    *_, (_, cloned) = clone(blank(samples), CloningSamples(samples.states, samples.entities, actions), QUICK, 0)
     fresh = reaching(200, 2)
     assert np.abs(cloned.act(fresh.states, fresh.entities) - fresh.actions).mean() < 0.15
 

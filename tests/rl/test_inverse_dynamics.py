@@ -13,7 +13,7 @@ from roboscribe.rl.inverse_dynamics import ALL_UNITS, explore, fit_inverse, prob
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import Judge
+from roboscribe.rl.skill_env import SkillEvaluator
 from roboscribe.rl.subtask import Subtask
 from roboscribe.rl.warm_start import Frames, clone_states, frames_of, joined
 from roboscribe.world import Trajectory
@@ -76,17 +76,17 @@ def test_clones_demonstrations_without_actions(stored: bool) -> None:
     starts = snapshots(60, 5)
     pool = StartPool(starts, starts[:, :6], np.zeros((60, 1), np.int64), np.zeros(60, np.int64), np.arange(60))
     held_out, training = pool.split(30)
-    judge = Judge(Subtask(TASK, HOLD, ("b",), 25), held_out, TASK.world(30))
+    evaluator = SkillEvaluator(Subtask(TASK, HOLD, ("b",), 25), held_out, TASK.world(30))
     config = TrainConfig(
         profile="states", target=0.9, inverse=QUICK, clone=CloneConfig(steps=250, hidden=(32, 32), attempts=1)
     )
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout())
     fresh = Skill("hold", spec.fitted(layout(), frames.states, frames.entities), (), layout())
-    found = clone_states(fresh, frames, training, SPEC, judge, config, 0)
+    found = clone_states(fresh, frames, training, SPEC, evaluator, config, 0)
     assert found is not None
     skill, rate = found
     assert rate >= 0.8
-    assert rate == judge(skill).rate
+    assert rate == evaluator(skill).rate
 
 
 def test_exploring_runs_the_skill_with_noise() -> None:

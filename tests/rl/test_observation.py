@@ -66,6 +66,14 @@ def test_fine_copies_magnify_and_clip_differences() -> None:
     np.testing.assert_allclose(inputs[0, 2:], [-0.2, FINE_CLIP, -1.0, FINE_CLIP], rtol=1e-5)
 
 
+def test_a_skill_that_nothing_was_seen_of_has_numbers_all_the_same() -> None:
+    spec = observation_spec(HOLD, {"b": "block"}, layout(1))
+    fitted = spec.fitted(layout(1), np.zeros((0, 6)), np.zeros((0, 1), np.int64))
+    assert {*fitted.mean} == {0.0}
+    assert {*fitted.std} == {1.0}
+    assert np.isfinite(Encoder(fitted, layout(1))(np.ones((1, 6)), np.zeros((1, 1), np.int64))).all()
+
+
 def test_fitted_features_have_mean_zero_and_spread_one() -> None:
     rng = np.random.default_rng(0)
     states, entities = rng.normal(3, 2, (500, 10)), rng.integers(2, size=(500, 1))

@@ -16,7 +16,7 @@ from roboscribe.rl.config import PpoConfig
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.ppo import LearnerTask, train_ppo
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.skill_env import Judge, Verdict
+from roboscribe.rl.skill_env import SkillEvaluator, Verdict
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Subtask
 
@@ -29,7 +29,7 @@ def problem(limit: int = 15, target: float = 2.0, budget: int = 320) -> tuple[Le
     pool, _ = collect_starts(Prefix(PROGRAM, (0,), {}, {}), TASK, 24, np.arange(24), np.random.default_rng(0))
     held_out, training = pool.split(8)
     world = TASK.world(8)
-    task = LearnerTask(subtask, training, Judge(subtask, held_out, world), target, budget)
+    task = LearnerTask(subtask, training, SkillEvaluator(subtask, held_out, world), target, budget)
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, TASK.layout)
     fitted = spec.fitted(TASK.layout, pool.states, pool.entities)
     return task, initial_skill(Skill("hold", fitted, (), TASK.layout), 2, (32, 32), 0)

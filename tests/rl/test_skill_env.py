@@ -76,7 +76,7 @@ def test_divergence_ends_as_a_failure_that_costs() -> None:
 
 
 def test_the_last_skill_goes_on_until_the_task_is_solved() -> None:
-    last = Subtask(TASK, AT, ("b",), 20, onward=Not(Truth()))
+    last = Subtask(TASK, AT, ("b",), 20, continues_if=Not(Truth()))
     almost = np.array([[0.23, 0.3, 0.23, 0.3, 0.3, 0.3]])
     made = env(last, almost)
     for _ in range(4):
@@ -180,11 +180,11 @@ def test_a_prefix_that_never_arrives_gives_an_empty_pool() -> None:
 def test_hard_starts_are_repeated_until_they_are_half() -> None:
     starts = pool(np.random.default_rng(0).uniform(size=(8, 6)))
     hard = np.arange(8) < 2
-    stressed = starts.stressing(hard)
+    stressed = starts.oversample_hard(hard)
     assert np.isin(stressed.states[:, 0], starts.states[hard, 0]).mean() == 0.5
     assert len(np.unique(stressed.states[:, 0])) == 8
-    assert len(starts.stressing(hard, most=2)) == 6 + 2 * 2
-    assert len(starts.stressing(~hard)) == len(starts.stressing(np.zeros(8, np.bool_))) == 8
+    assert len(starts.oversample_hard(hard, most=2)) == 6 + 2 * 2
+    assert len(starts.oversample_hard(~hard)) == len(starts.oversample_hard(np.zeros(8, np.bool_))) == 8
 
 
 def test_pool_caps_splits_and_joins_by_episode() -> None:

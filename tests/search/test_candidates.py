@@ -9,7 +9,7 @@ import pytest
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
-from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge
+from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge, likely_chance
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import NEVER, first_true
 from tests.search.examples import feature, random_states, samples
@@ -93,6 +93,20 @@ def test_a_subgoal_has_to_say_more_than_it_takes_to_name_it(
     bits: float, crossings: int, choices: int, enough: bool
 ) -> None:
     assert enough_said(bits, crossings, choices) == enough
+
+
+@pytest.mark.parametrize(
+    ("accepted", "crossings", "atoms", "chance"),
+    [
+        (0, 1, 1, True),  # one failing state in a thousand might be anyone's
+        (0, 2, 1, False),
+        (100, 3, 1, True),  # of 200 expressions some hold at three crossings, if each holds in a tenth of the failures
+        (100, 4, 1, False),
+        (100, 5, 2, True),  # and there are many more pairs of expressions
+    ],
+)
+def test_of_few_crossings_something_holds_by_chance(accepted: int, crossings: int, atoms: int, chance: bool) -> None:
+    assert likely_chance(np.arange(998) < accepted, crossings, 100, atoms) == chance
 
 
 def test_first_true_counts_from_each_episodes_start() -> None:

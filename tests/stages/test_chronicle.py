@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from roboscribe.errors import ArtifactError
-from stages.chronicle import CHRONICLE, Chronicle, read_chronicle
-from stages.events import Abandoned, Evaluated, Event, Failed, Refined, Removed, RolledOut
+from roboscribe.stages.runtime.events import Abandoned, Evaluated, Event, Failed, Refined, Removed, RolledOut
+from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle, read_event_log
 from tests.pipelines.runs import run, scripted
 
 
@@ -27,7 +27,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Event]]:
 
 def test_a_run_is_told_as_it_was_heard(told: tuple[Path, list[Event]]) -> None:
     home, heard = told
-    account = read_chronicle(written(home))
+    account = read_event_log(written(home))
     assert [each.event for each in account.told] == heard
     assert account.about["title"] == "point-pick-place-1 seed 0"
     assert account.about["plan"]["task"]["name"] == "point-pick-place-1"
@@ -36,7 +36,7 @@ def test_a_run_is_told_as_it_was_heard(told: tuple[Path, list[Event]]) -> None:
 
 
 def test_failing_episodes_and_strips_are_in_it(told: tuple[Path, list[Event]]) -> None:
-    account = read_chronicle(written(told[0]))
+    account = read_event_log(written(told[0]))
     tried = [each for each in account.told if isinstance(each.event, RolledOut)]
     for each in tried:
         assert isinstance(each.event, RolledOut)
@@ -51,7 +51,7 @@ def test_failing_episodes_and_strips_are_in_it(told: tuple[Path, list[Event]]) -
 
 def test_it_stands_alone(told: tuple[Path, list[Event]], tmp_path: Path) -> None:
     shutil.copy(written(told[0]), tmp_path / "elsewhere.jsonl")
-    assert [each.event for each in read_chronicle(tmp_path / "elsewhere.jsonl").told] == told[1]
+    assert [each.event for each in read_event_log(tmp_path / "elsewhere.jsonl").told] == told[1]
 
 
 def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) -> None:
@@ -59,10 +59,10 @@ def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) 
     path = written(home)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(lines[:5]) + lines[5][:40])
-    assert not read_chronicle(path).result
+    assert not read_event_log(path).result
     run(scripted(), home)
     assert path.read_bytes().splitlines(keepends=True)[:5] == lines[:5], "what was told keeps its time"
-    assert [each.event for each in read_chronicle(path).told] == heard
+    assert [each.event for each in read_event_log(path).told] == heard
     before = path.read_bytes()
     run(scripted(), home)
     assert path.read_bytes() == before
@@ -74,7 +74,7 @@ def test_what_ends_without_a_program_says_why(tmp_path: Path) -> None:
     for event in ends:
         chronicle.listen(event)
     chronicle.end({"reason": "nothing separates"})
-    found = read_chronicle(path)
+    found = read_event_log(path)
     assert tuple(each.event for each in found.told) == ends
     assert found.result == {"reason": "nothing separates"}
 
@@ -94,9 +94,9 @@ def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / CHRONICLE
     path.write_bytes(content)
     with pytest.raises(ArtifactError, match=CHRONICLE):
-        assert read_chronicle(path).told
+        assert read_event_log(path).told
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ArtifactError, match="no such file"):
-        read_chronicle(tmp_path / CHRONICLE)
+        read_event_log(tmp_path / CHRONICLE)

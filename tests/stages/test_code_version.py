@@ -9,16 +9,16 @@ from pathlib import Path
 import pytest
 
 from roboscribe.envs.point_world import POINT_TASKS
-from stages import code_version
-from stages.world import TaskConfig
+from roboscribe.stages.runtime import code_version
+from roboscribe.stages.runtime.task_config import TaskConfig
 
 
 @pytest.fixture
 def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    for name in ("stages", "roboscribe", "roboscribe/dsl"):
+    for name in ("roboscribe", "roboscribe/stages", "roboscribe/dsl"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("")
-    (tmp_path / "stages" / "one.py").write_text("import json\nfrom roboscribe.dsl import syntax\n")
+    (tmp_path / "roboscribe" / "stages" / "one.py").write_text("import json\nfrom roboscribe.dsl import syntax\n")
     (tmp_path / "roboscribe" / "dsl" / "syntax.py").write_text("def f():\n    from roboscribe import late\n")
     (tmp_path / "roboscribe" / "late.py").write_text("x = 1\n")
     (tmp_path / "roboscribe" / "other.py").write_text("y = 1\n")
@@ -29,11 +29,12 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def version() -> str:
     code_version.code_version.cache_clear()
     code_version._imports.cache_clear()
-    return code_version.code_version("stages.one")
+    return code_version.code_version("roboscribe.stages.one")
 
 
 @pytest.mark.parametrize(
-    "changed", ["stages/one.py", "roboscribe/dsl/syntax.py", "roboscribe/late.py", "roboscribe/dsl/__init__.py"]
+    "changed",
+    ["roboscribe/stages/one.py", "roboscribe/dsl/syntax.py", "roboscribe/late.py", "roboscribe/dsl/__init__.py"],
 )
 def test_imports_count_however_deep(project: Path, changed: str) -> None:
     before = version()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stages.journal import Journal, read_records
+from roboscribe.stages.runtime.journal import Journal, read_records
 
 
 def journal(path: Path) -> Journal:

@@ -12,8 +12,8 @@ from time import sleep
 import pytest
 
 from roboscribe.errors import ArtifactError
-from stages.progress import Report
-from stages.store import MANIFEST, METRICS, PROGRESS, Inputs, Stage, Store
+from roboscribe.stages.runtime.progress import Report
+from roboscribe.stages.runtime.store import MANIFEST, METRICS, PROGRESS, Inputs, Stage, Store
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from roboscribe.envs import block_layouts, fetch
-from roboscribe.envs.block_layouts import Room
+from roboscribe.envs.block_layouts import Clearance
 from roboscribe.envs.catalogue import Request, register
 from roboscribe.envs.demonstrator import Script
 from roboscribe.envs.fetch_world import FetchTask
@@ -72,7 +72,7 @@ class Cond(FetchTask):
         origin = np.array([*start.grip[:2], start.heights[0]])
         return block_layouts.draw(rng, origin, self.blocks, self._stack, block_layouts.STACK)
 
-    def _stack(self, rng: Generator, count: int, room: Room) -> FloatArray | None:
+    def _stack(self, rng: Generator, count: int, room: Clearance) -> FloatArray | None:
         """Draw goals (N, 3) of a stack, relative to a block that rests in the middle."""
         base = block_layouts.scatter(rng, 1, 0.0, room.side)
         if base is None:

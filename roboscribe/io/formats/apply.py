@@ -8,10 +8,23 @@ import numpy as np
 
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.columns import columns_of
-from roboscribe.io.formats.foreign import ACTION, SNAPSHOT, Recording
+from roboscribe.io.formats.foreign import ACTION, SNAPSHOT, Contents, Recording
 from roboscribe.io.formats.mapping import Absent, ColumnMapping, Constant, Given, Origin, RateOf
 from roboscribe.world import Attribute, Task, Trajectory
 from roboscribe.world.layout import FloatArray
+
+
+def check_widths(recording: Recording, contents: Contents, *, episode: int, source: str) -> None:
+    """Refuse a recording in which a column has another count of numbers than the file says.
+
+    Raises:
+        DemonstrationError: with what was found and what was expected.
+    """
+    for field in contents.fields:
+        found = recording[field.name].shape[1] if field.name in recording else field.width
+        if found != field.width:
+            where = f"{source}: episode {episode}, column {field.name}"
+            _complain(where, f"found {found} numbers in a row, expected {field.width} as the file says of it")
 
 
 def trajectory_of(

@@ -148,9 +148,10 @@ def _kinds(path: Path) -> dict[str, bool]:
     try:
         with csv.open_csv(path) as reader:
             schema = reader.schema
+        names = schema.names
     except UNREADABLE as error:
         raise _unreadable(path, error) from error
-    repeated = sorted({name for name in schema.names if schema.names.count(name) > 1})
+    repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         msg = f"{path}: column {', '.join(repeated)} stands more than once in the first row, expected once"
         raise DemonstrationError(msg)

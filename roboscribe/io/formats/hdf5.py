@@ -29,7 +29,7 @@ _DEEPEST = 8
 
 @contextmanager
 def opened(path: Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading.
+    """Open an HDF5 file for reading, without a cache: everything is read once.
 
     Raises:
         DemonstrationError: there is no such file, or it is no HDF5.
@@ -40,7 +40,7 @@ def opened(path: Path) -> Iterator[h5py.File]:
         msg = f"{path}: no such file, expected HDF5"
         raise DemonstrationError(msg)
     with _guarded(str(path)):
-        file = h5py.File(path, "r", locking=False)
+        file = h5py.File(path, "r", locking=False, rdcc_nbytes=0)
     try:
         yield file
     finally:

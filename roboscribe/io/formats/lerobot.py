@@ -179,12 +179,19 @@ def _fields(path: Path, features: dict[str, Json]) -> tuple[Field, ...]:
         schema = pq.read_schema(place)
     except UNREADABLE as error:
         raise damaged(str(place), error) from error
-    found = []
-    for name, feature in features.items():
-        stored = name in schema.names and is_numeric(schema.field(name).type)
-        if stored and isinstance(feature, dict) and name not in _NUMBERING:
-            found.append(_field(name, feature))
-    return tuple(found)
+    elsewhere = {name for name, feature in features.items() if isinstance(feature, dict) and _is_video(feature)}
+    odd = sorted({*schema.names} ^ ({*features} - elsewhere))
+    if odd:
+        msg = f"{path}: feature {', '.join(odd)}: found in only one of data/ and meta/info.json, expected in both"
+        raise DemonstrationError(msg)
+    stored = {name: feature for name, feature in features.items() if isinstance(feature, dict) and name in schema.names}
+    numeric = (name for name in stored if is_numeric(schema.field(name).type) and name not in _NUMBERING)
+    return tuple(_field(name, stored[name]) for name in numeric)
+
+
+def _is_video(feature: dict[str, Json]) -> bool:
+    """Whether a feature lies in files of its own."""
+    return feature.get("dtype") == "video"
 
 
 def _field(name: str, feature: dict[str, Json]) -> Field:

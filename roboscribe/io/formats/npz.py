@@ -15,8 +15,7 @@ from io import BytesIO
 from math import prod
 from pathlib import Path
 from tokenize import TokenError
-from typing import IO
-from zipfile import BadZipFile, ZipFile
+from zipfile import BadZipFile, ZipFile, ZipInfo
 
 import numpy as np
 
@@ -152,31 +151,40 @@ def _headers(path: Path) -> dict[str, _Header]:
         raise DemonstrationError(msg)
     try:
         with ZipFile(path) as archive:
+            _check_sums(archive)
             members = [info for info in archive.infolist() if info.filename.endswith(_SUFFIX)]
-            found: dict[str, _Header] = {}
-            for info in members:
-                with archive.open(info) as stream:
-                    header = _header(stream)
-                if header.dtype.kind in "biuf" and header.offset + _bytes(header) == info.file_size:
-                    found[info.filename.removesuffix(_SUFFIX)] = header
+            found = {info.filename.removesuffix(_SUFFIX): _header(archive, info) for info in members}
     except _UNREADABLE as error:
         raise _unreadable(path, error) from error
-    if len({info.filename for info in members}) != len(members):
+    if len(found) != len(members):
         msg = f"{path}: an array stands in it twice"
         raise DemonstrationError(msg)
-    return found
+    return {name: header for name, header in found.items() if header.dtype.kind in "biuf"}
 
 
-def _header(stream: IO[bytes]) -> _Header:
+def _check_sums(archive: ZipFile) -> None:
+    """Compare everything in an archive with its checksums: its directory alone may hide an array, or its shape."""
+    broken = archive.testzip()
+    if broken is not None:
+        msg = f"{broken} has another checksum"
+        raise BadZipFile(msg)
+
+
+def _header(archive: ZipFile, info: ZipInfo) -> _Header:
     """Read what an array says about itself."""
-    text = BytesIO(stream.read(_HEADER_BYTES))
+    with archive.open(info) as stream:
+        text = BytesIO(stream.read(_HEADER_BYTES))
     version = np.lib.format.read_magic(text)  # type: ignore[no-untyped-call]  # NumPy 1.26 types none of these
     if version not in ((1, 0), (2, 0)):
         msg = f"version {version} of the array format, expected 1.0 or 2.0"
         raise ValueError(msg)
     reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, fortran, dtype = reader(text)  # type: ignore[no-untyped-call]  # as above
-    return _Header(shape, dtype, fortran, text.tell())
+    found = _Header(shape, dtype, fortran, text.tell())
+    if not dtype.hasobject and found.offset + _bytes(found) != info.file_size:
+        msg = f"{info.filename} has {info.file_size} bytes, its shape {shape} asks for another count"
+        raise ValueError(msg)
+    return found
 
 
 def _bytes(header: _Header) -> int:

@@ -14,7 +14,7 @@ _QUANTILES = {"q01": 0.01, "q10": 0.1, "q50": 0.5, "q90": 0.9, "q99": 0.99}
 
 @dataclass
 class Statistics:
-    """Statistics of one feature; values that are not given (NaN) do not count, and where none is given all are 0.
+    """Statistics of one feature; those of numbers that an episode does not give (NaN) are 0.
 
     Over several episodes a quantile is the mean of theirs, weighted by frames: an exact one needs all frames at once.
     """
@@ -23,12 +23,12 @@ class Statistics:
 
     def add(self, values: FloatArray) -> dict[str, Json]:
         """Take in an episode (n, w) and return its statistics."""
-        given = np.where(np.isfinite(values).any(axis=0), values, 0.0)
+        given = np.where(np.isfinite(values).all(axis=0), values, 0.0)
+        quantiles = np.quantile(given, list(_QUANTILES.values()), axis=0)
         found = {
-            "min": np.nanmin(given, axis=0), "max": np.nanmax(given, axis=0),
-            "mean": np.nanmean(given, axis=0), "std": np.nanstd(given, axis=0),
+            "min": given.min(axis=0), "max": given.max(axis=0), "mean": given.mean(axis=0), "std": given.std(axis=0),
             "count": np.array([len(values)]),
-            **{name: np.nanquantile(given, share, axis=0) for name, share in _QUANTILES.items()},
+            **dict(zip(_QUANTILES, quantiles, strict=True)),
         }  # fmt: skip
         self._episodes.append(found)
         return {name: value.tolist() for name, value in found.items()}

@@ -20,6 +20,8 @@ _WORDS = {
     "opening": ("opening", "width", "aperture", "gripper", "finger", "fingers"),
 }
 """Words by which files name attributes."""
+_OTHERS = {word for words in _WORDS.values() for word in words}
+"""Words that name some attribute: a goal that is called by none is one of position."""
 _ROBOT_WORDS = ("eef", "ee", "robot", "robot0", "hand", "gripper", "tcp", "effector", "endeffector", "grip", "tool")
 _GOAL_WORDS = ("goal", "target", "desired")
 _ACTION_WORDS = ("action", "actions", "act")
@@ -51,11 +53,9 @@ def suggest(contents: Contents, task: Task) -> Suggestion:
         exact = _exact(column.name, component_names(column), contents.fields)
         if exact:
             sure[column.name] = exact
-    for name, width in ((ACTION, task.action_size), (SNAPSHOT, None)):
-        counted = _counted(name, contents.fields)
-        exact = _exact(name, counted if width is None else [f"{name}[{i}]" for i in range(width)], contents.fields)
-        if exact:
-            sure[name] = exact
+    actions = _exact(ACTION, [f"{ACTION}[{i}]" for i in range(task.action_size)], contents.fields)
+    snapshots = _snapshots(contents.fields)
+    sure |= {name: said for name, said in ((ACTION, actions), (SNAPSHOT, snapshots)) if said}
     taken = {_bare(text) for said in sure.values() for text in ([said] if isinstance(said, str) else said)}
     free = [field for field in contents.fields if field.name not in taken]
     likely = _likely([c for c in columns_of(task.layout) if c.name not in sure], free, task)
@@ -104,33 +104,29 @@ def _line(name: str, wanted: str, suggestion: Suggestion) -> str:
     """Spell one entry."""
     said = suggestion.sure.get(name, suggestion.likely.get(name, ""))
     values = f"[{', '.join(map(_quoted, said))}]" if isinstance(said, list) else _quoted(said)
-    doubt = (
-        "guessed, please check; "
-        if name in suggestion.likely
-        else ""
-        if name in suggestion.sure
-        else "please fill in; "
-    )
+    doubt = "guessed, please check; " if said else "please fill in; "
+    doubt = "" if name in suggestion.sure else doubt
     return f"{_quoted(name)} = {values}  # {doubt}{wanted}"
 
 
 def _exact(name: str, components: Sequence[str], fields: Sequence[Field]) -> str | list[str] | None:
     """Find what a file names as the task does: one column, numbers of one, or one column per number."""
     for field in fields:
-        if field.name == name and (field.width == len(components) or (field.components == () and not components)):
+        if field.name == name and field.width == len(components):
             return name
-        if components and {*components} <= {*field.components}:
+        if {*components} <= {*field.components}:
             picks = [field.components.index(component) for component in components]
             return f"{field.name}[{_spelled(picks)}]"
     names = {field.name for field in fields if field.width == 1}
-    return list(components) if components and {*components} <= names else None
+    return list(components) if {*components} <= names else None
 
 
-def _counted(name: str, fields: Sequence[Field]) -> list[str]:
-    """List "snapshot[0]", "snapshot[1]", … as far as the file has them."""
-    known = {field.name for field in fields} | {part for field in fields for part in field.components}
-    count = next(i for i in range(len(known) + 1) if f"{name}[{i}]" not in known)
-    return [f"{name}[{i}]" for i in range(count)]
+def _snapshots(fields: Sequence[Field]) -> str | list[str] | None:
+    """Find simulator states, of which a task does not say how many numbers they have: one column, or one per number."""
+    names = {field.name for field in fields}
+    numbered = [name for name in names if name.startswith(f"{SNAPSHOT}[")]
+    expected = [f"{SNAPSHOT}[{i}]" for i in range(len(numbered))]
+    return SNAPSHOT if SNAPSHOT in names else expected if numbered and {*expected} == {*numbered} else None
 
 
 def _spelled(picks: Sequence[int]) -> str:
@@ -156,7 +152,8 @@ def _hints(field: Field, column: Column, task: Task) -> bool:
     """Whether the words of a column's name speak of this attribute of this object."""
     words = {*_words(field.name)}
     kind = _WORDS.get(column.attribute.name, (column.attribute.name,))
-    if not words & {*kind} or bool(words & {*_GOAL_WORDS}) != column.goal:
+    named = words & {*kind} or (column.goal and not words & _OTHERS)
+    if not named or bool(words & {*_GOAL_WORDS}) != column.goal:
         return False
     of_robot = bool(words & {*_ROBOT_WORDS})
     if not column.of_entity:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.episodes import EpisodeFile, Header, open_episodes, write_episodes
-from roboscribe.io.formats.apply import trajectory_of
+from roboscribe.io.formats.apply import check_widths, trajectory_of
 from roboscribe.io.formats.foreign import SNAPSHOT, Format, Shown, Source
 from roboscribe.io.formats.mapping import Absent, ColumnMapping, Draft, check_mapping, parse_mapping
 from roboscribe.io.formats.provenance import Provenance, place_of, read_provenance, write_provenance
@@ -150,6 +150,7 @@ def _trajectories(source: Source, mapping: ColumnMapping, task: Task, name: str)
     """Read the trajectories of a file of another program."""
     lengths = source.contents.lengths
     for episode, recording in enumerate(source.recordings(mapping.columns)):
+        check_widths(recording, source.contents, episode=episode, source=name)
         yield episode, trajectory_of(recording, mapping, task, length=lengths[episode], episode=episode, source=name)
 
 

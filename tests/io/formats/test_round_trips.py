@@ -83,7 +83,7 @@ EPISODES = st.tuples(st.integers(1, 9), st.floats(-2.0, 2.0, width=64), st.boole
 
 
 @given(st.lists(EPISODES, min_size=1, max_size=4), st.sampled_from(list(FORMATS)))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_any_numbers_come_back_bit_for_bit(
     tmp_path_factory: pytest.TempPathFactory, drawn: list[tuple[int, float, bool, bool]], kind: str
 ) -> None:

@@ -1,0 +1,209 @@
+"""Commands that bring demonstrations in and out, and that look at them: ingest, export, demos check, demos info.
+
+`roboscribe demos TASK --out FILE` collects, as it did before there was anything else to do with demonstrations: the
+group takes whatever is no command of its own for the arguments of `collect`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+from typer.core import TyperGroup
+
+from roboscribe.pipelines.commands.options import JsonFile
+
+if TYPE_CHECKING:
+    from roboscribe.io.atomic import Json
+    from roboscribe.io.formats.transfer import Transferred
+    from roboscribe.world import Task
+
+BAD_INPUT = 2
+COLLECT = "collect"
+FORMATS_HELP = "lerobot (v3), robomimic, minari, csv or npz; left out: told from the file"
+TASK_HELP = "a name that `roboscribe tasks` lists; left out: what the file says"
+
+
+class _CollectsByDefault(TyperGroup):
+    """A group in which what is no command stands for the arguments of `collect`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - typer names the context's type in private only
+        """Put `collect` before arguments that begin with no command."""
+        known = not args or args[0] in self.commands or args[0] == "--help"
+        return super().parse_args(ctx, args if known else [COLLECT, *args])
+
+
+app = typer.Typer()
+demonstrations = typer.Typer(
+    cls=_CollectsByDefault,
+    no_args_is_help=True,
+    help="Collect demonstrations (`roboscribe demos TASK --out FILE`), check a file of them, or say what it holds.",
+)
+console = Console(highlight=False)
+Format = Annotated[str | None, typer.Option("--format", help=FORMATS_HELP)]
+TaskOption = Annotated[str | None, typer.Option("--task", help=TASK_HELP)]
+OurFile = Annotated[Path, typer.Argument(help="demonstrations in our Parquet", metavar="FILE")]
+
+
+@app.command()
+def ingest(
+    file: Annotated[Path, typer.Argument(help="file or directory of another program", metavar="FILE")],
+    task: Annotated[str, typer.Option("--task", help="what is shown: a name that `roboscribe tasks` lists")],
+    out: Annotated[Path | None, typer.Option("--out", help="Parquet file to write")] = None,
+    mapping: Annotated[
+        Path | None, typer.Option("--map", help="TOML that says which columns hold what; left out: told by their names")
+    ] = None,
+    kind: Format = None,
+    suggest: Annotated[
+        bool, typer.Option("--suggest", help="write a first mapping, to --map or else here, and nothing else")
+    ] = False,
+    episode: Annotated[
+        str | None,
+        typer.Option(help="with --suggest: column of episode numbers in csv and npz; empty: all rows are one episode"),
+    ] = None,
+) -> None:
+    """Turn demonstrations of another program into ours: `--suggest` writes a mapping, then `--map` uses it."""
+    from roboscribe.io.formats.transfer import format_of
+    from roboscribe.io.formats.transfer import ingest as read_in
+
+    shown, chosen = _task(task), format_of(file, kind)
+    if suggest:
+        _write_suggestion(file, shown, chosen.name, mapping, episode)
+        return
+    if out is None:
+        _refuse("--out is missing: the Parquet file to write")
+    _make_room(out)
+    done = read_in(file, shown, chosen, mapping, out)
+    _report(done, shown, out)
+
+
+@app.command()
+def export(
+    file: OurFile,
+    out: Annotated[Path, typer.Option("--out", help="file or directory to write")],
+    kind: Annotated[str, typer.Option("--format", help="lerobot (v3), robomimic, minari, csv or npz")],
+    task: TaskOption = None,
+) -> None:
+    """Write demonstrations in the format of another program; what it cannot hold is said."""
+    from roboscribe.io.formats.transfer import export as write_out
+    from roboscribe.io.formats.transfer import format_of
+
+    chosen, shown = format_of(file, kind), _task_of(file, task)
+    _make_room(out)
+    _report(write_out(file, shown, chosen, out), shown, out)
+
+
+@demonstrations.command()
+def check(file: OurFile, task: TaskOption = None) -> None:
+    """Find everything that is wrong with a file at once, with the metadata that would be right, ready to paste."""
+    from roboscribe.io.inspection import inspect
+
+    found = inspect(file, _task_of(file, task))
+    for line in (*found.problems, *found.remarks):
+        _say(line)
+    if found.metadata:
+        _say(f"\nThis gives the file the metadata that it should have:\n\n{found.recipe(file)}")
+    if found.problems:
+        many = "s" * (len(found.problems) > 1)
+        _refuse(f"{file}: {len(found.problems)} problem{many}")
+    _say(f"{file}: nothing is wrong with it")
+
+
+@demonstrations.command()
+def info(file: OurFile, task: TaskOption = None, json: JsonFile = None) -> None:
+    """Say what a file holds: task, episodes, lengths, objects, the range of every column, where it comes from."""
+    from roboscribe.io.atomic import indented_json, write_file
+    from roboscribe.io.inspection import describe_file
+
+    found = describe_file(file, _task_of(file, task))
+    _show(found)
+    if json is not None:
+        _make_room(json)
+        write_file(json, indented_json(found).encode())
+
+
+def _show(found: dict[str, Json]) -> None:
+    """Print a file's description as two tables."""
+    plain = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
+    for name, value in found.items():
+        if name not in ("columns", "remarks"):
+            plain.add_row(Text(name.replace("_", " ")), Text("none" if value is None else str(value), overflow="fold"))
+    console.print(plain)
+    columns, remarks = found["columns"], found["remarks"]
+    assert isinstance(columns, dict)
+    assert isinstance(remarks, list)
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for title in ("column", "unit", "least", "greatest"):
+        table.add_column(title)
+    for name, column in columns.items():
+        assert isinstance(column, dict)
+        table.add_row(*map(Text, (name, str(column["unit"]), _numbers(column["min"]), _numbers(column["max"]))))
+    console.print(table)
+    for remark in remarks:
+        _say(str(remark))
+
+
+def _numbers(values: Json) -> str:
+    """Spell the numbers of a column."""
+    assert isinstance(values, list)
+    return ", ".join("none" if value is None else f"{value:.4g}" for value in values)
+
+
+def _write_suggestion(file: Path, task: Task, kind: str, mapping: Path | None, episode: str | None) -> None:
+    """Write a first mapping to a new file, or to standard output."""
+    from roboscribe.io.atomic import write_file
+    from roboscribe.io.formats.table import FORMATS
+    from roboscribe.io.formats.transfer import suggest_mapping
+
+    text = suggest_mapping(file, task, FORMATS[kind], episode)
+    if mapping is None:
+        sys.stdout.write(text)
+        return
+    if mapping.exists():
+        _refuse(f"{mapping}: exists already, expected a new file; a mapping may have been corrected by hand")
+    _make_room(mapping)
+    write_file(mapping, text.encode())
+    _say(f"{mapping}: look it through, then: roboscribe ingest {file} --task {task.name} --map {mapping} --out FILE")
+
+
+def _report(done: Transferred, task: Task, out: Path) -> None:
+    """Say what was written, and what is odd about it."""
+    for remark in done.remarks:
+        _say(remark)
+    digest = f", SHA-256 {done.digest}" if done.digest else ""
+    _say(f"{done.episodes} demonstrations of {task.name} ({done.frames} frames) in {out}{digest}")
+
+
+def _task(name: str) -> Task:
+    """Build a task by its name."""
+    from roboscribe.stages.runtime.task_config import TaskConfig
+
+    return TaskConfig(name).make()
+
+
+def _task_of(file: Path, name: str | None) -> Task:
+    """Build the task that is named, or else the one that a file says it shows."""
+    from roboscribe.io.demonstrations import task_of
+
+    return _task(task_of(file) if name is None else name)
+
+
+def _make_room(path: Path) -> None:
+    """Make the directory in which a result goes."""
+    path.resolve().parent.mkdir(parents=True, exist_ok=True)
+
+
+def _refuse(message: str) -> NoReturn:
+    """End with one line on standard error and the exit code of bad input."""
+    sys.stderr.write(f"error: {message}\n")
+    raise typer.Exit(BAD_INPUT)
+
+
+def _say(line: str) -> None:
+    """Print text as it is."""
+    console.print(Text(line), soft_wrap=True)

@@ -1,0 +1,1 @@
+"""The synthesis and the measurements as Prefect flows, and the server that they run on."""

@@ -1,0 +1,1 @@
+"""Runs of a workspace: listing, finding and comparing them."""

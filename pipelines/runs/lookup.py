@@ -1,0 +1,205 @@
+"""Runs of a home: what was done here, and finding one by whatever name a user has for it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from roboscribe.errors import ArtifactError
+from roboscribe.io.atomic import sha256_of
+from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
+from roboscribe.pipelines.programs import program_directory
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.programs import shipped_names
+from roboscribe.stages.runtime.events import Packaged
+from roboscribe.stages.runtime.journal import read_records
+from roboscribe.stages.tracking.chronicle import CHRONICLE, EventLog, read_event_log
+from roboscribe.stages.tracking.mlflow_store import DATABASE, ENDED, JOURNAL, PARENT, download, run_id_of
+
+KEY = re.compile(r"[0-9a-f]{4,32}")
+"""What keys of runs, and MLflow's run ids, look like, and how they begin."""
+SHOWN = 8
+"""Characters of a run's key that are shown; any beginning that is one run's only will do."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run of this home.
+
+    Args:
+        directory: where it is kept.
+        status: RUNNING, FINISHED, FAILED or KILLED.
+        account: what was written down about it.
+    """
+
+    directory: Path
+    status: str
+    account: EventLog
+
+    @property
+    def key(self) -> str:
+        """Its name here."""
+        return self.directory.name
+
+    @property
+    def program(self) -> Path | None:
+        """Directory of the program that it found, None where there is none any more."""
+        packaged = [told.event.directory for told in self.account.told if isinstance(told.event, Packaged)]
+        published = [Path(str(self.account.result[name])) for name in ("program_dir",) if name in self.account.result]
+        return next((path for path in (*packaged, *published) if (path / MANIFEST).is_file()), None)
+
+
+@dataclass(frozen=True)
+class LoadedRun:
+    """What there is under a name that a user gave.
+
+    Args:
+        name: the name, or how the run's key begins.
+        directory: of the program; None where there is none.
+        program: the program, loaded.
+        account: what was written down about the run that found it; None where nobody knows any more.
+        status: how the run ended; "" where nobody knows.
+    """
+
+    name: str
+    directory: Path | None
+    program: SavedProgram | None
+    account: EventLog | None
+    status: str = ""
+
+    @property
+    def manifest(self) -> Mapping[str, Any]:
+        """What the program says about itself."""
+        return {} if self.program is None else self.program.manifest
+
+
+def list_runs(home: Workspace) -> tuple[Run, ...]:
+    """List the runs of a home, the latest first; one that was killed before its first word is none.
+
+    Raises:
+        ArtifactError: what was written down about one is damaged.
+    """
+    found = (_run(path.parent) for path in home.data.glob(f"runs/*/{CHRONICLE}") if next(read_records(path), None))
+    return tuple(sorted(found, key=lambda run: -run.account.began))
+
+
+@contextmanager
+def open_run(name: str, home: Workspace) -> Iterator[LoadedRun]:
+    """Find a run or program.
+
+    Args:
+        name: a program's directory, a run's directory or key (or how it begins), an MLflow run id, or the name of a
+            shipped program.
+        home: where runs are kept.
+
+    Raises:
+        ArtifactError: there is nothing of this name, or it is damaged.
+    """
+    run = _named(name, home)
+    if run is not None:
+        program = run.program
+        loaded = None if program is None else load_program(program)
+        yield LoadedRun(run.key[:SHOWN], program, loaded, run.account, run.status)
+    elif KEY.fullmatch(name) and len(name) == 32 and not Path(name).exists():
+        with _tracked(name, home.mlruns) as found:
+            yield found
+    elif not Path(name).exists() and name not in shipped_names():
+        expected = "a program's directory, a run that `roboscribe runs` lists, an MLflow run id, or a shipped program"
+        msg = f"run {name}: there is nothing of this name; expected {expected} ({', '.join(shipped_names())})"
+        raise ArtifactError(msg)
+    else:
+        with program_directory(name, home.mlruns) as directory:
+            run = _maker(directory, home)
+            about = (None, "") if run is None else (run.account, run.status)
+            yield LoadedRun(name, directory, load_program(directory), *about)
+
+
+def _run(directory: Path) -> Run:
+    return Run(directory, _status(directory), read_event_log(directory / CHRONICLE))
+
+
+def _status(directory: Path) -> str:
+    """Return how a run stands; one that says that it runs although nobody is at work was killed."""
+    own = (record for _, record in read_records(directory / JOURNAL) if record["run"] == PARENT)
+    said = [str(record["value"]) for record in own if record["kind"] == "status"]
+    last = said[-1] if said else "KILLED"
+    return last if last in ENDED or _at_work(directory) else "KILLED"
+
+
+def _at_work(directory: Path) -> bool:
+    """Tell whether a process holds a run's directory."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _named(name: str, home: Workspace) -> Run | None:
+    """Find a run by its directory, its key, how that begins, or its MLflow id.
+
+    Raises:
+        ArtifactError: several runs begin so.
+    """
+    if (Path(name) / CHRONICLE).is_file():
+        return _run(Path(name))
+    if not KEY.fullmatch(name) or Path(name).exists():
+        return None
+    directories = [path.parent for path in home.data.glob(f"runs/*/{CHRONICLE}")]
+    found = [path for path in directories if path.name.startswith(name) or run_id_of(path) == name]
+    if len(found) > 1:
+        names = ", ".join(sorted(path.name[: len(name) + 4] for path in found))
+        msg = f"run {name}: {len(found)} runs begin so ({names}); expected more characters"
+        raise ArtifactError(msg)
+    return _run(found[0]) if found else None
+
+
+def _maker(directory: Path, home: Workspace) -> Run | None:
+    """Find the latest run that made a program, by the digests of tree and controllers; its text may be edited."""
+    if not all((directory / name).is_file() for name in (TREE, CONTROLLERS)):
+        return None
+    digests = {name: sha256_of(directory / name) for name in (TREE, CONTROLLERS)}
+    return next((run for run in list_runs(home) if _digests(run.account) == digests), None)
+
+
+def _digests(account: EventLog) -> Mapping[str, Any]:
+    """Read which program a run made."""
+    made: list[Any] = [record["value"] for record in account.records if record["kind"] == Packaged.__name__]
+    return dict(made[-1]["digests"]) if made else {}
+
+
+@contextmanager
+def _tracked(run_id: str, mlruns: Path) -> Iterator[LoadedRun]:
+    """Copy program and chronicle of a run of the tracking store for the time being.
+
+    Raises:
+        ArtifactError: the store has no such run, or the run has neither.
+    """
+    from mlflow.exceptions import MlflowException
+
+    if not (mlruns / DATABASE).exists():
+        msg = f"run {run_id}: looks like an MLflow run id, but there is no tracking store {mlruns / DATABASE}"
+        raise ArtifactError(msg)
+    with tempfile.TemporaryDirectory() as scratch:
+        places: dict[str, Path] = {}
+        for name in ("program", CHRONICLE):
+            try:
+                places[name] = download(run_id, name, mlruns, Path(scratch))
+            except (MlflowException, OSError) as error:
+                reason = str(error).splitlines()[0]
+        if not places:
+            msg = f"run {run_id}: the tracking store {mlruns} has neither a program nor a chronicle of it ({reason})"
+            raise ArtifactError(msg)
+        program, account = places.get("program"), places.get(CHRONICLE)
+        loaded = None if program is None else load_program(program)
+        yield LoadedRun(run_id, program, loaded, None if account is None else read_event_log(account))

@@ -1,0 +1,157 @@
+"""What a synthesis does from demonstrations to a saved program, whatever runs its stages."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
+from roboscribe.errors import DemonstrationError, Fail
+from roboscribe.grounding import settled_profile
+from roboscribe.programs import program_name
+from roboscribe.rl.config import Profile, TrainConfig
+from roboscribe.stages import collect, evaluate, film, ingest, package
+from roboscribe.stages.runtime.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
+from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_fail, read_json
+from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
+from roboscribe.stages.steps import ControllerFiles, RunStage, Setting, StagedSteps, StoreValue
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is asked for.
+
+    Args:
+        task: where.
+        seed: decides everything.
+        profile: what may be learned from, or `scripted` for the task's own controllers; None is `actions` where the
+            demonstrations have them, else `states`.
+        demonstrations: a Parquet file; None collects some.
+        shown: demonstrations to collect.
+        tried: episodes per rollout of Algorithm 2.
+        episodes: episodes of the final evaluation.
+        limits: accuracy asked and effort allowed.
+        training: settings of the learners, but for the profile.
+        video: whether an episode is filmed.
+    """
+
+    task: TaskConfig
+    seed: int = 0
+    profile: Profile | None = None
+    demonstrations: Path | None = None
+    shown: int = 50
+    tried: int = 100
+    episodes: int = 500
+    limits: Limits = field(default_factory=Limits)
+    training: TrainConfig = field(default_factory=TrainConfig)
+    video: bool = True
+
+
+@dataclass(frozen=True)
+class SynthesisResult:
+    """What a synthesis found.
+
+    Args:
+        solution: P*, T* and the refinements.
+        profile: how it was learned.
+        figures: of the final evaluation.
+        directory: the saved program, in the store.
+    """
+
+    solution: Solution[ControllerFiles]
+    profile: str
+    figures: dict[str, Any]
+    directory: Path
+
+
+def run_pipeline(plan: Plan, call: RunStage, put: StoreValue, tell: Listener) -> SynthesisResult | Fail:
+    """Collect or take demonstrations, run Algorithm 1, evaluate and package.
+
+    Args:
+        plan: what is asked for.
+        call: runs a stage.
+        put: stores a small value.
+        tell: hears what happens.
+    """
+    shown, report = demonstrations(plan, call)
+    if isinstance(report, Fail):
+        tell(Failed(report.reason))
+        return report
+    profile = settled_profile(plan.profile, report["actions"], plan.demonstrations or DEMONSTRATIONS)
+    tell(Ingested(report, profile))
+    setting = _setting(plan, profile, shown)
+    staged = StagedSteps(setting, call, put, tell)
+    solution = roboscribe(staged.steps(), ControllerFiles(), plan.limits)
+    if isinstance(solution, Fail):
+        tell(Failed(solution.reason))
+        return solution
+    running = {"program": staged.program(solution.program), **solution.skills.runnable()}
+    config = evaluate.Config(plan.task, plan.seed, plan.episodes, plan.training.confirm)
+    evaluated = call("evaluate program", evaluate.STAGE, config, running)
+    figures = read_json(evaluated / OUTCOME)
+    tell(Evaluated(figures, evaluated / EPISODES))
+    confirm, made_by = plan.training.confirm, command(plan, profile)
+    about = package.Config(plan.task, profile, plan.seed, confirm, report["digest"], made_by)
+    inputs = {**running, "tree": staged.tree(solution.tree), "outcome": evaluated / OUTCOME}
+    directory = call("package program", package.STAGE, about, inputs) / package.DIRECTORY
+    tell(Packaged(solution.program, solution.tree, directory))
+    if plan.video:
+        scene = film.Config(plan.task, plan.seed, plan.training.confirm)
+        filmed = call("film program", film.STAGE, scene, running)
+        tell(Filmed(next(filmed.glob("rollout.*"))))
+    return SynthesisResult(solution, profile, figures, directory)
+
+
+def command(plan: Plan, profile: str | None) -> str:
+    """Spell the command line that makes a plan's program, as far as options can say what is planned.
+
+    Args:
+        plan: what is asked for.
+        profile: what is learned from; None leaves the choice to the command.
+    """
+    task, usual = plan.task, Plan(TaskConfig(plan.task.name))
+    options = (
+        ("--profile", profile, None),
+        ("--demos", plan.demonstrations, usual.demonstrations),
+        ("--episodes", plan.episodes, usual.episodes),
+        ("--budget", plan.training.budget, usual.training.budget),
+        ("--success", plan.limits.success, usual.limits.success),
+        ("--contact", task.contact, usual.task.contact),
+        ("--timing", task.timing, usual.task.timing),
+    )
+    words = ["roboscribe", "synthesize", task.name, "--seed", str(plan.seed)]
+    for option, value, default in options:
+        words += [option, str(value)] if value != default else []
+    return shlex.join(words)
+
+
+def show(plan: Plan, call: RunStage) -> Path:
+    """Return the file of demonstrations, given or collected.
+
+    Raises:
+        DemonstrationError: the file that is named is not there.
+    """
+    given = plan.demonstrations
+    if given is None:
+        config = collect.Config(plan.task, plan.shown, plan.seed)
+        return call("collect demonstrations", collect.STAGE, config, {}) / DEMONSTRATIONS
+    if not given.is_file():
+        msg = f"{given}: no such file, expected demonstrations in Parquet"
+        raise DemonstrationError(msg)
+    return given
+
+
+def demonstrations(plan: Plan, call: RunStage) -> tuple[Path, dict[str, Any] | Fail]:
+    """Return the file of usable demonstrations and what is said about it."""
+    given = show(plan, call)
+    out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
+    fail = read_fail(out)
+    return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
+
+
+def _setting(plan: Plan, profile: Profile, shown: Path) -> Setting:
+    """Say what all steps share."""
+    training = replace(plan.training, profile=profile)
+    return Setting(plan.task, plan.seed, program_name(plan.task.name), training, plan.tried, shown)

@@ -1,0 +1,246 @@
+"""What every skill of one TRAINPROGRAM call shares, and what follows from it for one skill."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from zlib import crc32
+
+import numpy as np
+
+from roboscribe.dsl.interpreter import Segment, segment
+from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
+from roboscribe.dsl.semantics import evaluate
+from roboscribe.dsl.syntax import Exists, Get, Not, Predicate, Program, Run, Seq, Solved, Truth, While
+from roboscribe.reward import atom_term, atoms
+from roboscribe.rl.clone import initial_skill
+from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.observation import ObservationSpec, observation_spec
+from roboscribe.rl.pool import StartPool
+from roboscribe.rl.skill import Skill
+from roboscribe.rl.starts import Prefix, collect_starts
+from roboscribe.rl.subtask import Invariant, Subtask
+from roboscribe.rl.warm_start import Frames, frames_of, joined
+from roboscribe.world.naming import attended_from
+from roboscribe.world.task import Task
+from roboscribe.world.trajectory import Trajectory
+
+USUALLY = 0.95
+"""Share of a controller's segments that set its step limit: a demonstrator's rare mishap does not."""
+SLACK = 2
+"""Times what a controller's segments usually take that it may take: a learned one may be slower than it was shown."""
+SEEDS = 2**31
+"""Seeds are drawn below this, so that they fit into 32 bits, with a sign or without."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """Controllers that are learned together: those of one outermost `loop`, or a single one."""
+
+    runs: tuple[Run, ...]
+    loop: bool
+
+
+@dataclass(frozen=True)
+class ProgramTraining:
+    """A program to be grounded.
+
+    Args:
+        task: the robot's world.
+        program: P.
+        demonstrations: canonically named.
+        config: settings.
+        seed: decides everything.
+        solve: whether the program is to bring ψ_R about, or only to reach its end.
+    """
+
+    task: Task
+    program: Program
+    demonstrations: Sequence[Trajectory]
+    config: TrainConfig
+    seed: int
+    solve: bool
+
+    @cached_property
+    def runs(self) -> tuple[Run, ...]:
+        """The program's controller statements in textual order."""
+        return controllers(self.program)
+
+    def target(self, run: Run) -> float:
+        """Return the success at which a skill is good enough; one only met on the way may be improved later.
+
+        What a loop repeats for every entity has to succeed as often as all repetitions together.
+        """
+        once = self.config.target if self.solve else self.config.subgoal_target
+        return float(once ** (1 / max(1, self.repetitions(run))))
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The controllers of each outermost loop together, every other one alone, in textual order."""
+        found: list[Group] = []
+        for part in walk(self.program):
+            if isinstance(part, While | Run):
+                seen = {run.controller for group in found for run in group.runs}
+                runs = tuple(run for run in controllers(part) if run.controller not in seen)
+                found.append(Group(runs, isinstance(part, While)))
+        return tuple(found)
+
+    def in_loop(self, run: Run) -> bool:
+        """Tell whether a loop repeats a controller."""
+        return any(group.loop and run in group.runs for group in self.groups)
+
+    def repetitions(self, run: Run) -> int:
+        """Return for how many entities a loop repeats a controller; 0 outside loops."""
+        loops = [part for part in walk(self.program) if isinstance(part, While) and run in controllers(part.body)]
+        kinds = [part.guard.type for part in loops if isinstance(part.guard, Get)]
+        return sum(len(self.task.layout.of_type(kind)) for kind in kinds)
+
+    def invariant(self, run: Run) -> Invariant | None:
+        """Return what the loop around a controller, or the last one before it, brings about for each entity."""
+        found: Invariant | None = None
+        for part in walk(self.program):
+            if part is run:
+                return found
+            if isinstance(part, While) and isinstance(part.guard, Get):
+                get, reached = part.guard, controllers(part.body)[-1].until
+                if free_vars(reached) == (get.var.name,):
+                    found = Invariant(reached, get.var.name, get.type)
+        return found
+
+    @cached_property
+    def segments(self) -> tuple[tuple[Segment, ...], ...]:
+        """Each demonstration cut by the program; what comes after its end counts where it is to bring ψ_R about.
+
+        What a demonstration does in a segment first for entities that the program does not deal with is left out.
+        """
+        return tuple(self._segments(shown) for shown in self.demonstrations)
+
+    def _segments(self, shown: Trajectory) -> tuple[Segment, ...]:
+        """Cut one demonstration."""
+        found: list[Segment] = []
+        known: set[int] = set()
+        for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve):
+            known |= set(part.entities)
+            begin = attended_from(shown, part.start, part.stop, part.entities, known) if part.entities else part.start
+            found.append(replace(part, start=begin))
+        return tuple(found)
+
+    @cached_property
+    def limits(self) -> dict[str, int]:
+        """Step limit by controller: twice what its segments take; those that no demonstration runs are left out."""
+        steps: dict[str, list[int]] = {}
+        for part in (part for parts in self.segments for part in parts):
+            steps.setdefault(self.runs[part.run_index].controller, []).append(part.stop - part.start)
+        usual = {name: int(np.ceil(np.quantile(counts, USUALLY))) for name, counts in steps.items()}
+        return {name: SLACK * count for name, count in usual.items() if count > 0}
+
+    def draw(self, name: str) -> np.random.Generator:
+        """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
+        return np.random.default_rng([self.seed, crc32(name.encode())])
+
+    def seed_of(self, name: str) -> int:
+        """Return a seed of its own for one purpose."""
+        return int(self.draw(name).integers(SEEDS))
+
+    def continues_if(self, run: Run) -> Predicate:
+        """Return where the program goes on after `run`; the last statement is to bring ψ_R about, not only its own φ.
+
+        The last statement of a loop that comes last goes on while there is another entity.
+        """
+        body = self.program.body
+        last = body.parts[-1] if isinstance(body, Seq) and body.parts else body
+        if not self.solve or isinstance(run.until, Solved):
+            return Truth()
+        if isinstance(last, While) and isinstance(last.guard, Get) and controllers(last.body)[-1] is run:
+            get = last.guard
+            return Exists(get.var, get.type, get.where)
+        return Not(Truth()) if last is run else Truth()
+
+    def title(self, run: Run) -> str:
+        """Return the name under which a skill's progress is kept."""
+        return run.controller if self.continues_if(run) == Truth() else f"{run.controller}.last"
+
+    def subtask(self, run: Run) -> Subtask:
+        """Say what is asked of a skill: its step limit and the units of its reward come from the demonstrations."""
+        return Subtask(
+            task=self.task,
+            until=run.until,
+            variables=run_variables(run),
+            limit=self.limits.get(run.controller, self.task.horizon),
+            confirm=self.config.confirm,
+            continues_if=self.continues_if(run),
+            scales=self.scales(run),
+            invariant=self.invariant(run),
+        )
+
+    def scales(self, run: Run) -> dict[str, float]:
+        """Return the spread of each atom's term over the demonstrated segments of a skill, by the term's text.
+
+        The variable of a quantifier ranges over all its entities.
+        """
+        values: dict[str, list[float]] = {}
+        layout = self.task.layout
+        quantifiers = [part for part in walk(run.until) if isinstance(part, Exists)]
+        every = {part.var.name: np.array(layout.of_type(part.type))[:, None] for part in quantifiers}
+        for shown, part in self._parts(run):
+            binding = every | dict(zip(run_variables(run), part.entities, strict=True))
+            states = shown.states[part.start : part.stop + 1]
+            for term in map(atom_term, atoms(run.until)):
+                found = evaluate(term, states, binding, layout)
+                values.setdefault(str(term), []).extend(found[..., 0].ravel().tolist())
+        spreads = {text: float(np.nanstd(found)) for text, found in values.items()}
+        return {text: spread for text, spread in spreads.items() if spread > 0}
+
+    def _parts(self, run: Run) -> list[tuple[Trajectory, Segment]]:
+        """List the segments of a controller, each with its demonstration."""
+        ranks, pairs = self.ranks(run), zip(self.demonstrations, self.segments, strict=True)
+        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index in ranks]
+
+    def ranks(self, run: Run) -> tuple[int, ...]:
+        """Return where a controller stands among the statements: more than once where branches share it."""
+        return tuple(rank for rank, each in enumerate(self.runs) if each.controller == run.controller)
+
+    def frames(self, run: Run) -> Frames | None:
+        """Cut a controller's frames out of the demonstrations, and a few beyond φ; None where there are none."""
+        beyond, actions = self.config.clone.extra_frames, self.config.profile == "actions"
+        size = self.task.action_size
+        found = [frames_of(part, shown, beyond, actions, size) for shown, part in self._parts(run)]
+        return joined(found) if found else None
+
+    def spec(self, run: Run, *units: Sequence[str]) -> ObservationSpec:
+        """Return what is seen of a controller's arguments, not yet normalised.
+
+        In a loop goals are seen, too: a controller takes over where the last entity was served, and has to leave it.
+        """
+        types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
+        return observation_spec(run, types, self.task.layout, *units, goals=self.in_loop(run))
+
+    def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
+        """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
+        frames = self.frames(run)
+        states, entities = (pool.states, pool.entities) if frames is None else (frames.states, frames.entities)
+        fitted = self.spec(run).fitted(self.task.layout, states, entities)
+        blank = Skill(run.controller, fitted, (), self.task.layout)
+        seed = self.seed_of(f"{run.controller} weights")
+        return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
+
+    def pools(self, run: Run, skills: Mapping[str, Skill], most: float) -> tuple[StartPool, StartPool, int]:
+        """Run the program up to `run`, for half of the control steps that may be spent on it at most.
+
+        Returns:
+            Held-out starts, few enough that an evaluation takes a quarter of those steps at most; starts for
+            training; and control steps spent.
+        """
+        config, rng = self.config.pool, self.draw(f"{run.controller} starts")
+        times = config.in_loops if self.in_loop(run) else 1
+        starts, evaluation = config.starts * times, config.evaluation * times
+        if isinstance(run.until, Solved):
+            starts = evaluation = config.opaque
+        prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
+        seeds = rng.integers(SEEDS, size=config.attempts * (starts + evaluation))
+        found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch, most / 2)
+        share = evaluation / (starts + evaluation)
+        held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
+        affordable = max(1, int(most / 4 / self.subtask(run).limit))
+        return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps

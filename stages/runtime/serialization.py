@@ -1,0 +1,108 @@
+"""Trees, refinements and outcomes on disk: JSON and safetensors, nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors import numpy as safetensors
+
+from roboscribe.abstraction_refinement import Outcome
+from roboscribe.classifier import Refinement
+from roboscribe.dsl.parser import parse_predicate
+from roboscribe.dsl.printer import text
+from roboscribe.errors import ArtifactError, RoboScribeError
+from roboscribe.io.atomic import Json
+from roboscribe.search.candidates import Candidate
+from roboscribe.stages.runtime.files import FAILURES, OUTCOME, read_json
+from roboscribe.subtask_tree import Place, Tree
+from roboscribe.tree_json import node_from_json, node_to_json, tree_from_json
+from roboscribe.world.layout import FloatArray
+
+
+def read_tree(path: Path) -> Tree:
+    """Read a tree's file."""
+    return tree_from_json(read_json(path), str(path))
+
+
+def refinement_to_json(refinement: Refinement) -> dict[str, Json]:
+    """Describe a refinement with its whole ranked table."""
+    return {
+        "psi": refinement.psi,
+        "node": node_to_json(refinement.node),
+        "positives": refinement.positives,
+        "negatives": refinement.negatives,
+        "place": asdict(refinement.place),
+        "passed_over": [list(pair) for pair in refinement.passed_over],
+        "table": [_candidate_to_json(candidate) for candidate in refinement.table],
+    }
+
+
+def read_refinement(path: Path) -> Refinement:
+    """Read a refinement's file.
+
+    Raises:
+        ArtifactError: it holds something else.
+    """
+    return refinement_from_json(read_json(path), str(path))
+
+
+def refinement_from_json(value: Any, where: str = "refinement") -> Refinement:  # noqa: ANN401 - whatever JSON is found
+    """Read what `refinement_to_json` wrote.
+
+    Raises:
+        ArtifactError: it is something else.
+    """
+    try:
+        return Refinement(
+            psi=str(value["psi"]),
+            node=node_from_json(value["node"]),
+            table=tuple(_candidate_from_json(row) for row in value["table"]),
+            positives=int(value["positives"]),
+            negatives=int(value["negatives"]),
+            place=Place(str(value["place"]["before"]), bool(value["place"]["apart"])),
+            passed_over=tuple((str(phi), str(why)) for phi, why in value["passed_over"]),
+        )
+    except (KeyError, TypeError, ValueError, RoboScribeError) as error:
+        msg = f"{where}: found no refinement ({error})"
+        raise ArtifactError(msg) from error
+
+
+def failures_bytes(failures: FloatArray) -> bytes:
+    """Spell N_s as safetensors."""
+    return safetensors.save({"failures": np.ascontiguousarray(failures)})
+
+
+def read_failures(path: Path) -> FloatArray:
+    """Read N_s.
+
+    Raises:
+        ArtifactError: the file is damaged.
+    """
+    try:
+        failures: FloatArray = safetensors.load_file(path)["failures"]
+    except (OSError, SafetensorError, KeyError) as error:
+        msg = f"{path}: cannot be read as failing states ({error})"
+        raise ArtifactError(msg) from error
+    return failures
+
+
+def read_outcome(out: Path) -> Outcome:
+    """Read what a rollout stage wrote."""
+    value = read_json(out / OUTCOME)
+    return Outcome(int(value["successes"]), int(value["episodes"]), read_failures(out / FAILURES))
+
+
+def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:
+    """Describe a candidate: all its figures, its predicate as text."""
+    row = {field.name: getattr(candidate, field.name) for field in fields(candidate)}
+    return {**row, "predicate": text(candidate.predicate), "scales": [list(pair) for pair in candidate.scales]}
+
+
+def _candidate_from_json(row: Mapping[str, Any]) -> Candidate:
+    scales = tuple((str(term), float(scale)) for term, scale in row["scales"])
+    return Candidate(**{**row, "predicate": parse_predicate(row["predicate"]), "scales": scales})

@@ -1,0 +1,353 @@
+"""Tracking, the copying side: brings an MLflow store up to date with the journals of runs.
+
+Copying is idempotent: runs are found again by a tag, and a metric with the same time stamp is the same metric.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from zlib import crc32
+
+from roboscribe.io.atomic import Json, canonical_json, indented_json, parse_json, write_file
+from roboscribe.stages.runtime.journal import Record, read_records
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
+os.environ["DO_NOT_TRACK"] = "true"
+os.environ["MLFLOW_ALLOW_PICKLE_DESERIALIZATION"] = "false"
+os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
+os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
+os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+
+JOURNAL, STATE = "journal.jsonl", "tracking.json"
+"""In a run's directory: what is to be copied, and how far it is copied under which ids."""
+PARENT = ""
+"""Name of the run that is the whole synthesis."""
+DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
+ID_TAG = "roboscribe.id"
+"""Tag by which a run is found again when its id was not written down."""
+ENDED = ("FINISHED", "FAILED", "KILLED")
+ACTIVE = "active"
+"""What MLflow says of runs and experiments that were not deleted."""
+BATCH = 1000
+_NEW = ".new-"
+"""How directories begin in which a database is being created."""
+log = logging.getLogger(__name__)
+
+
+def database_uri(mlruns: Path) -> str:
+    """Return the address of the store in a directory."""
+    return f"sqlite:///{(mlruns / DATABASE).resolve()}"
+
+
+def ensure_store(mlruns: Path) -> None:
+    """Create the database, once, whoever comes first; it appears whole or not at all."""
+    mlruns.mkdir(parents=True, exist_ok=True)
+    with _locked(mlruns):
+        if (mlruns / DATABASE).exists():
+            return
+        from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+
+        for left in mlruns.glob(f"{_NEW}*"):
+            shutil.rmtree(left)
+        with tempfile.TemporaryDirectory(dir=mlruns, prefix=_NEW) as scratch:
+            fresh = Path(scratch) / DATABASE
+            root = (mlruns / ARTIFACTS).resolve()
+            store: Any = SqlAlchemyStore  # not typed
+            store(f"sqlite:///{fresh.resolve()}", root.as_uri()).engine.dispose()
+            root.mkdir(exist_ok=True)
+            os.replace(fresh, mlruns / DATABASE)
+
+
+def store_identity(mlruns: Path) -> list[int]:
+    """Tell one database file from another at the same place; empty where there is none."""
+    try:
+        status = (mlruns / DATABASE).stat()
+    except FileNotFoundError:
+        return []
+    return [status.st_dev, status.st_ino]
+
+
+@dataclass
+class MlflowSync:
+    """Copies one journal into one store.
+
+    Args:
+        directory: of the run.
+        mlruns: of the store.
+        client: open on the store.
+    """
+
+    directory: Path
+    mlruns: Path
+    client: MlflowClient
+    _runs: dict[str, str] = field(default_factory=dict)
+    _experiment: str = ""
+    _offset: int = 0
+
+    def __post_init__(self) -> None:
+        """Go on where the last copier stopped, or from the start where the store is another one."""
+        state = _state(self.directory)
+        if state.get("store") == store_identity(self.mlruns) and all(map(self._there, state["runs"].values())):
+            self._runs, self._offset = dict(state["runs"]), int(state["offset"])
+
+    def _there(self, run_id: str) -> bool:
+        """Whether the store still has a run; deleted ones are restored, those that were purged are not there."""
+        from mlflow.exceptions import MlflowException
+
+        try:
+            info = self.client.get_run(run_id).info
+            if info.lifecycle_stage != ACTIVE:
+                self._restored(info.experiment_id)
+                self.client.restore_run(run_id)
+        except MlflowException as error:
+            if error.error_code == "RESOURCE_DOES_NOT_EXIST":
+                return False
+            raise
+        return True
+
+    def _restored(self, experiment_id: str) -> str:
+        """Return an experiment; where it was deleted it is restored, for its name is taken for ever."""
+        experiment = self.client.get_experiment(experiment_id)
+        if experiment.lifecycle_stage != ACTIVE:
+            self.client.restore_experiment(experiment_id)
+            log.warning("experiment %s had been deleted in MLflow; it is restored", experiment.name)
+        return experiment_id
+
+    def copy(self) -> None:
+        """Copy what is new.
+
+        Raises:
+            MlflowException, SQLAlchemyError, OSError: the store cannot be reached; nothing is lost.
+        """
+        found = list(read_records(self.directory / JOURNAL, self._offset))
+        if found:
+            self._experiment = self._experiment or self._find_experiment()
+            self._apply([record for _, record in found])
+            self._offset = found[-1][0]
+            place: list[Json] = list(store_identity(self.mlruns))
+            state: dict[str, Json] = {"store": place, "runs": dict(self._runs), "offset": self._offset}
+            write_file(self.directory / STATE, indented_json({**state, "sum": _sum(state)}).encode())
+
+    def mark_killed(self) -> None:
+        """Mark the run as killed where its last word is that it runs."""
+        own = (record for _, record in read_records(self.directory / JOURNAL) if record["run"] == PARENT)
+        statuses = _of("status", own)
+        if statuses and statuses[-1]["value"] not in ENDED and PARENT in self._runs:
+            for run_id in self._runs.values():
+                if self.client.get_run(run_id).info.status not in ENDED:
+                    self.client.set_terminated(run_id, "KILLED")
+
+    def _apply(self, records: Sequence[Record]) -> None:
+        """Write records to the store; doing so twice changes nothing."""
+        by_run: dict[str, list[Record]] = {}
+        for record in records:
+            by_run.setdefault(str(record["run"]), []).append(record)
+        for name, own in by_run.items():
+            run_id = self._run(name, own)
+            self._scalars(run_id, own)
+            for record in own:
+                self._file(run_id, record)
+        for name, own in by_run.items():
+            for record in (r for r in own if r["kind"] == "status"):
+                self._status(name, str(record["value"]), _whole(record["time"]))
+
+    def _run(self, name: str, own: Sequence[Record]) -> str:
+        """Find or create the run of a name; children know their parent."""
+        if name not in self._runs:
+            identity = f"{self.directory.name}/{name}"
+            query = f"tags.`{ID_TAG}` = '{identity}'"
+            known = self.client.search_runs([self._experiment], query, max_results=1)
+            self._runs[name] = known[0].info.run_id if known else self._create(name, identity, own)
+        return self._runs[name]
+
+    def _create(self, name: str, identity: str, own: Sequence[Record]) -> str:
+        tags = {ID_TAG: identity}
+        if name != PARENT:
+            tags["mlflow.parentRunId"] = self._run(PARENT, ())
+        start = min((_whole(record["time"]) for record in own), default=None)
+        title = name or self._opening("title")
+        return str(self.client.create_run(self._experiment, start_time=start, tags=tags, run_name=title).info.run_id)
+
+    def _scalars(self, run_id: str, own: Sequence[Record]) -> None:
+        """Write metrics, parameters and tags in batches."""
+        from mlflow.entities import Metric, Param, RunTag
+
+        points = _of("metric", own)
+        metrics = [Metric(_key(r), float(str(r["value"])), _whole(r["time"]), _whole(r["step"])) for r in points]
+        params = [Param(_key(r), str(r["value"])) for r in _of("param", own)]
+        tags = [RunTag(_key(r), str(r["value"])) for r in _of("tag", own)]
+        for start in range(0, max(len(metrics), 1), BATCH):
+            self.client.log_batch(run_id, metrics=metrics[start : start + BATCH])
+        for start in range(0, len(params), 100):
+            self.client.log_batch(run_id, params=params[start : start + 100])
+        self.client.log_batch(run_id, tags=tags)
+
+    def _file(self, run_id: str, record: Record) -> None:
+        """Copy a file, draw a picture, or register an input."""
+        path, kind = Path(str(record["value"])), record["kind"]
+        if kind in ("artifact", "artifacts", "table", "picture") and not path.exists():
+            log.warning("%s is gone; it is not copied", path)
+            return
+        match kind:
+            case "artifact":
+                self.client.log_artifact(run_id, str(path), str(record.get("folder") or "") or None)
+            case "artifacts":
+                self.client.log_artifacts(run_id, str(path), str(record["key"]))
+            case "table":
+                self._table(run_id, path)
+            case "picture":
+                self._picture(run_id, path)
+            case "input":
+                self._input(run_id, str(record["value"]))
+
+    def _table(self, run_id: str, path: Path) -> None:
+        """Copy a table so that MLflow's interface shows it as one."""
+        tag = "mlflow.loggedArtifacts"
+        self.client.log_artifact(run_id, str(path))
+        listed = self.client.get_run(run_id).data.tags.get(tag, "[]")
+        entry = f'{{"path": "{path.name}", "type": "table"}}'
+        if entry not in listed:
+            self.client.set_tag(run_id, tag, f"{listed[:-1]}{', ' if len(listed) > 2 else ''}{entry}]")
+
+    def _picture(self, run_id: str, path: Path) -> None:
+        from roboscribe.stages.runtime.serialization import read_tree
+        from roboscribe.stages.tracking.tree_picture import draw_tree
+
+        with tempfile.TemporaryDirectory() as scratch:
+            picture = Path(scratch) / "tree.png"
+            draw_tree(read_tree(path), picture)
+            self.client.log_artifact(run_id, str(picture))
+
+    def _input(self, run_id: str, digest: str) -> None:
+        from mlflow.entities import Dataset, DatasetInput, InputTag
+
+        dataset = Dataset(name="demonstrations", digest=digest[:36], source_type="local", source=digest)
+        self.client.log_inputs(run_id, [DatasetInput(dataset, [InputTag("mlflow.data.context", "training")])])
+
+    def _status(self, name: str, value: str, when: int) -> None:
+        """Set how a run stands; the end of the parent ends its children."""
+        if value not in ENDED:
+            self.client.update_run(self._runs[name], status=value)
+            return
+        self.client.set_terminated(self._runs[name], value, end_time=when)
+        for child, run_id in self._runs.items() if name == PARENT else ():
+            if child != PARENT and self.client.get_run(run_id).info.status not in ENDED:
+                self.client.set_terminated(run_id, value, end_time=when)
+
+    def _find_experiment(self) -> str:
+        """Find or create the experiment, once, whoever comes first."""
+        name = self._opening("experiment")
+        with _locked(self.mlruns):
+            found = self.client.get_experiment_by_name(name)
+            if found is not None:
+                return self._restored(str(found.experiment_id))
+            place = (self.mlruns / ARTIFACTS).resolve().as_uri()
+            return str(self.client.create_experiment(name, artifact_location=f"{place}/{_plain(name)}"))
+
+    def _opening(self, key: str) -> str:
+        """Read what the journal's opening records say about the run."""
+        opening = (record for _, record in read_records(self.directory / JOURNAL) if record["kind"] == "run")
+        return next(str(record["value"]) for record in opening if record["key"] == key)
+
+
+def unreachable() -> tuple[type[Exception], ...]:
+    """Name what a store raises that is locked, damaged or gone."""
+    from mlflow.exceptions import MlflowException
+    from sqlalchemy.exc import SQLAlchemyError
+
+    return (MlflowException, SQLAlchemyError, OSError)
+
+
+def synchronise(runs: Path, mlruns: Path) -> None:
+    """Bring the store up to date with every run that is not at work now; one that cannot be copied is named."""
+    ensure_store(mlruns)
+    for directory in sorted(path.parent for path in runs.glob(f"*/{JOURNAL}")):
+        try:
+            open_sync(directory, mlruns).copy()
+        except unreachable() as error:
+            log.warning("%s cannot be copied into MLflow: %s", directory, str(error).splitlines()[0])
+
+
+def open_sync(directory: Path, mlruns: Path) -> MlflowSync:
+    """Open the store, which is created where there is none."""
+    from mlflow import MlflowClient
+
+    ensure_store(mlruns)
+    return MlflowSync(directory, mlruns, MlflowClient(database_uri(mlruns)))
+
+
+def download_program(run_id: str, mlruns: Path, target: Path) -> Path:
+    """Copy the program of a run out of the store; returns its directory.
+
+    Raises:
+        MlflowException: there is no such run, or it has no program.
+    """
+    return download(run_id, "program", mlruns, target)
+
+
+def download(run_id: str, name: str, mlruns: Path, target: Path) -> Path:
+    """Copy what a run kept under a name out of the store; returns where it lies.
+
+    Raises:
+        MlflowException: there is no such run, or it kept nothing of that name.
+    """
+    from mlflow import MlflowClient
+
+    return Path(MlflowClient(database_uri(mlruns)).download_artifacts(run_id, name, str(target)))
+
+
+def run_id_of(directory: Path) -> str | None:
+    """Return MLflow's id of a run, None while it has none."""
+    runs = _state(directory).get("runs")
+    return runs.get(PARENT) if isinstance(runs, Mapping) else None
+
+
+def _state(directory: Path) -> dict[str, Any]:
+    """Read how far a journal is copied; nothing where that is not known, and copying again changes nothing."""
+    try:
+        state = parse_json((directory / STATE).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+    told = {name: value for name, value in state.items() if name != "sum"} if isinstance(state, Mapping) else {}
+    return told if isinstance(state, Mapping) and state.get("sum") == _sum(told) else {}
+
+
+def _sum(state: Mapping[str, Json]) -> str:
+    """Return a checksum."""
+    return f"{crc32(canonical_json(state).encode()):08x}"
+
+
+def _whole(value: Json) -> int:
+    return int(str(value))
+
+
+def _of(kind: str, records: Iterable[Record]) -> list[Record]:
+    return [record for record in records if record["kind"] == kind]
+
+
+def _key(record: Record) -> str:
+    return _plain(str(record["key"]))
+
+
+def _plain(name: str) -> str:
+    """Replace what MLflow does not accept in a name."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in "_-. /") else "_" for c in name)
+
+
+@contextmanager
+def _locked(mlruns: Path) -> Iterator[None]:
+    with (mlruns / ".lock").open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield

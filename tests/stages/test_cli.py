@@ -1,0 +1,59 @@
+"""Every stage runs on its own, from the command line."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from roboscribe.stages import collect, ingest
+from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.store import Stage
+
+NAMES = (
+    "collect", "ingest", "generate", "train", "roll_out", "classify", "update_tree", "validate", "evaluate",
+    "package", "film", "transfer",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    stage = import_module(f"roboscribe.stages.{name}").STAGE
+    assert isinstance(stage, Stage)
+    assert stage.name == name
+    with pytest.raises(SystemExit) as ended:
+        cli.main(stage, ["--help"])
+    assert ended.value.code == 0
+    assert f"python -m roboscribe.stages.{name}" in capsys.readouterr().out
+
+
+def test_two_stages_by_hand(tmp_path: Path) -> None:
+    task = {"name": "point-pick-place-1"}
+    config = json.dumps({"task": task, "episodes": 3, "seed": 1})
+    assert cli.main(collect.STAGE, ["--config", config, "--out", str(tmp_path / "a")]) == 0
+    given = f"demonstrations={tmp_path / 'a' / 'demonstrations.parquet'}"
+    (tmp_path / "config.json").write_text(json.dumps({"task": task}))
+    settings = ["--config", str(tmp_path / "config.json"), "--input", given, "--out", str(tmp_path / "b")]
+    assert cli.main(ingest.STAGE, settings) == 0
+    assert json.loads((tmp_path / "b" / "report.json").read_text())["kept"] == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--config", "{"], "Expecting property name"),
+        (["--config", '{"task": {"name": "nowhere"}}', "--input", "demonstrations=x"], "unknown task 'nowhere'"),
+        (["--config", '{"task": {"name": "point-pick-place-1"}}'], "needs --input demonstrations=PATH"),
+        (["--config", '{"task": {"name": "point-pick-place-1"}}', "--input", "x"], "expected NAME=PATH"),
+        (["--config", "/nowhere/config.json"], "No such file"),
+    ],
+)
+def test_bad_input_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
+) -> None:
+    assert cli.main(ingest.STAGE, [*arguments, "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err
+    assert said in message
+    assert message.count("\n") == 1
