@@ -15,7 +15,7 @@ install: .venv/installed
 run: install
 	$(BIN)/roboscribe synthesize pick-place-1 --seed 0 --out data/pick-place-1
 
-test: install
+test: lint
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal
 
 lint: install

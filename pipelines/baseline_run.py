@@ -11,24 +11,27 @@ from time import perf_counter
 from typing import Any
 
 from roboscribe.baselines.config import RECIPES, BaselineConfig, Method
+from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import DemonstrationError, Fail, TaskError
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan, demonstrations
+from roboscribe.pipelines.synthesis_pipeline import usable_demonstrations
 from roboscribe.pipelines.synthesis_run import Engine, publish
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages import baseline, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode
-from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Listener, Trained
+from roboscribe.stages.runtime.events import Evaluated, Event, EventCallback, Ingested, Trained
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs, Store, locked
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.steps import RunStage
+from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import Tracker
 
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("collect", "ingest", "baseline", "transfer"))
@@ -61,8 +64,8 @@ class BaselinePlan:
         seed: decides everything.
         steps: gradient steps of clones, control steps of the others; None is what is usual.
         demonstrations: a Parquet file; None collects some, the same as a synthesis of this seed does.
-        shown: demonstrations to collect.
-        episodes: episodes of the final evaluation.
+        n_demonstrations: how many to collect.
+        evaluation_episodes: episodes of the final evaluation.
         settings: of the methods.
     """
 
@@ -71,8 +74,8 @@ class BaselinePlan:
     seed: int = 0
     steps: int | None = None
     demonstrations: Path | None = None
-    shown: int = 50
-    episodes: int = 500
+    n_demonstrations: int = N_DEMONSTRATIONS
+    evaluation_episodes: int = EVALUATION_EPISODES
     settings: BaselineConfig = field(default_factory=BaselineConfig)
 
     @property
@@ -87,7 +90,7 @@ class BaselinePlan:
         options = (
             ("--steps", self.steps, usual.steps),
             ("--demos", self.demonstrations, usual.demonstrations),
-            ("--episodes", self.episodes, usual.episodes),
+            ("--episodes", self.evaluation_episodes, usual.evaluation_episodes),
             ("--contact", self.task.contact, usual.task.contact),
             ("--timing", self.task.timing, usual.task.timing),
         )
@@ -98,7 +101,7 @@ class BaselinePlan:
 
 
 @dataclass
-class Work:
+class BaselineStages:
     """The stages of one baseline, in order; each leaves what the next one needs.
 
     Args:
@@ -109,7 +112,7 @@ class Work:
 
     plan: BaselinePlan
     call: RunStage
-    tell: Listener
+    tell: EventCallback
     shown: Path | None = None
     digest: str = ""
     trained: Path = Path()
@@ -121,13 +124,15 @@ class Work:
         plan = self.plan
         found: dict[str, Callable[[], None]] = {}
         if RECIPES[plan.method].states:
-            found["demonstrations"] = self._show
+            found["demonstrations"] = self._collect
         return {**found, f"train {plan.method}": self._train, f"evaluate {plan.method}": self._evaluate}
 
-    def _show(self) -> None:
+    def _collect(self) -> None:
         plan, recipe = self.plan, RECIPES[self.plan.method]
-        asked = Plan(plan.task, plan.seed, demonstrations=plan.demonstrations, shown=plan.shown)
-        path, report = demonstrations(asked, self.call)
+        asked = SynthesisPlan(
+            plan.task, plan.seed, demonstrations=plan.demonstrations, n_demonstrations=plan.n_demonstrations
+        )
+        path, report = usable_demonstrations(asked, self.call)
         if isinstance(report, Fail):
             self.fail = report
             return
@@ -152,7 +157,7 @@ class Work:
         if self.fail is not None:
             return
         plan = self.plan
-        config = transfer.Config(plan.task, plan.seed, plan.episodes)
+        config = transfer.Config(plan.task, plan.seed, plan.evaluation_episodes)
         inputs = transfer.inputs_of(self.trained / DIRECTORY)
         self.evaluated = self.call(f"evaluate {plan.method}", transfer.STAGE, config, inputs)
         self.tell(Evaluated(read_json(self.evaluated / OUTCOME), self.evaluated / EPISODES))
@@ -160,18 +165,18 @@ class Work:
 
 @dataclass(frozen=True)
 class BaselineRun:
-    """Everything one baseline needs.
+    """One training and evaluation of a baseline: plan, workspace, engine, tracking.
 
     Args:
         plan: what is asked for.
-        home: where it is kept.
+        workspace: where it is kept.
         engine: what runs the stages.
         out: where the policy goes; None is a directory under `data/baselines`.
         track: whether MLflow is told.
     """
 
     plan: BaselinePlan
-    home: Workspace
+    workspace: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
@@ -183,13 +188,16 @@ class BaselineRun:
             What `roboscribe baseline --json` writes, or why nothing can be learned from the demonstrations.
         """
         start, commit = perf_counter(), checkout_commit()
-        directory = self.home.data / "runs" / self.key()
+        directory = self.workspace.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
             plan = self.plan
-            tracker = Tracker(directory, self.home.mlruns, self._params(), plan.title, plan.task.name, kind="baseline")
+            tracker = Tracker(
+                directory, self.workspace.mlruns, self._params(), plan.title, plan.task.name, kind="baseline"
+            )
             if self.track:
                 tracker.start()
+            tracker.tags(source_tags(f"roboscribe baseline {plan.title}", commit))
             try:
                 work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)
@@ -208,38 +216,38 @@ class BaselineRun:
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
-    def _work(self, callbacks: Callbacks, tracker: Tracker) -> Work:
+    def _work(self, callbacks: Callbacks, tracker: Tracker) -> BaselineStages:
         """Run the stages."""
-        store = Store(self.home.data / "stages")
+        store = Store(self.workspace.data / "stages")
 
-        def watch(progress: Progress) -> None:
-            tracker.watch(progress)
-            callbacks.watch(progress)
+        def on_progress(progress: Progress) -> None:
+            tracker.on_progress(progress)
+            callbacks.on_progress(progress)
 
         def tell(event: Event) -> None:
-            tracker.listen(event)
-            callbacks.listen(event)
+            tracker.on_event(event)
+            callbacks.on_event(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            callbacks.begin(label)
-            return store.run(stage, config, inputs, watch)
+            callbacks.on_stage(label)
+            return store.run(stage, config, inputs, on_progress)
 
-        work = Work(self.plan, call, tell)
+        work = BaselineStages(self.plan, call, tell)
         steps = work.steps()
         if self.engine == "local":
             for step in steps.values():
                 step()
             return work
-        with prefect_server(self.home.data / "prefect") as server:
+        with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.measurement import measure_with_prefect
 
             measure_with_prefect(self.plan.title, list(steps), lambda number: list(steps.values())[number](), server)
         return work
 
-    def _result(self, work: Work, commit: str) -> dict[str, Json]:
+    def _result(self, work: BaselineStages, commit: str) -> dict[str, Json]:
         """Publish the policy and say what was found."""
         plan, taken, figures = self.plan, read_json(work.trained / OUTCOME), read_json(work.evaluated / OUTCOME)
-        out = self.out or self.home.data / "baselines" / f"{plan.method}-{plan.task.name}-seed{plan.seed}"
+        out = self.out or self.workspace.data / "baselines" / f"{plan.method}-{plan.task.name}-seed{plan.seed}"
         publish(work.trained / DIRECTORY, out, {"figures": figures}, commit)
         return {
             "task": plan.task.name,
@@ -273,7 +281,7 @@ class BaselineRun:
 
 
 def _report(method: Method, outcome: Mapping[str, Any]) -> dict[str, Any]:
-    """Describe a training as those of controllers are described."""
+    """Describe a training in the form of a controller's training report."""
     measured = [float(point["success"]) for point in outcome["curve"] if "success" in point]
     return {
         "controller": method.replace("-", "_"),

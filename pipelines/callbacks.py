@@ -1,18 +1,18 @@
-"""Who watches a synthesis."""
+"""Callbacks of a synthesis."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from roboscribe.stages.runtime.events import Listener
-from roboscribe.stages.runtime.progress import Report
+from roboscribe.stages.runtime.events import EventCallback
+from roboscribe.stages.runtime.progress import ProgressCallback
 
 
 @dataclass(frozen=True)
 class Callbacks:
-    """Who watches: told which stage begins, what happens, and how far the work is."""
+    """Called with the name of each stage that begins, with each event, and with progress messages."""
 
-    begin: Callable[[str], None]
-    listen: Listener
-    watch: Report
+    on_stage: Callable[[str], None]
+    on_event: EventCallback
+    on_progress: ProgressCallback

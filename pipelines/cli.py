@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from io import TextIOWrapper
@@ -13,22 +13,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.text import Text
 
+from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import RoboScribeError
 from roboscribe.pipelines.commands import baseline, data, inspection
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile
+from roboscribe.pipelines.commands.output import FAIL, console, make_room, refuse, say, write_result
 from roboscribe.pipelines.interrupts import INTERRUPTED, Interrupts
 from roboscribe.pipelines.paper.commands import paper
 from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
-    from roboscribe.io.atomic import Json
-    from roboscribe.stages.runtime.progress import Report
+    from roboscribe.stages.runtime.progress import ProgressCallback
     from roboscribe.world.layout import ObjectType
 
-SOLVED, BAD_INPUT, FAIL = 0, 2, 3
 RESUMED = ("synthesize", "paper")
 """Commands that go on where they were interrupted."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -42,7 +41,6 @@ app = typer.Typer(
 )
 app.add_typer(data.demonstrations, name="demos")
 app.add_typer(paper, name="paper")
-console = Console(highlight=False)
 
 
 class Engine(StrEnum):
@@ -83,7 +81,7 @@ def tasks() -> None:
 def demos(
     task: TaskName,
     out: Annotated[Path, typer.Option("--out", help="Parquet file to write")],
-    episodes: Annotated[int, typer.Option(min=1, help="demonstrations to collect")] = 50,
+    episodes: Annotated[int, typer.Option(min=1, help="demonstrations to collect")] = N_DEMONSTRATIONS,
     seed: Seed = 0,
     style: Annotated[str, typer.Option(help=STYLE_HELP)] = "default",
     failing: Annotated[float, typer.Option(min=0, max=0.5, help="share of them that ends without success")] = 0.0,
@@ -95,10 +93,10 @@ def demos(
     from roboscribe.stages.runtime.task_config import TaskConfig
 
     config = Config(TaskConfig(task, contact, timing), episodes, seed, style, failing)
-    _make_room(out)
+    make_room(out)
     with _bar() as report:
         digest = collect(config, out, report)
-    _say(f"{episodes} demonstrations of {task} in {out}, SHA-256 {digest}")
+    say(f"{episodes} demonstrations of {task} in {out}, SHA-256 {digest}")
 
 
 @app.command()
@@ -110,7 +108,7 @@ def synthesize(
     engine: Annotated[Engine, typer.Option(help="what runs the stages")] = Engine.prefect,
     out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
     json: JsonFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
     budget: Annotated[int | None, typer.Option(min=1, help="control steps per training of a skill")] = None,
     success: Annotated[float, typer.Option(min=0.0, max=1.0, help="success rate that is good enough")] = 0.97,
     contact: Contact = "stable",
@@ -121,10 +119,10 @@ def synthesize(
     from roboscribe.errors import Fail
     from roboscribe.evaluation import format_success
     from roboscribe.pipelines.console import SynthesisConsole
-    from roboscribe.pipelines.synthesis_pipeline import Plan
     from roboscribe.pipelines.synthesis_run import SynthesisRun
     from roboscribe.pipelines.workspace import Workspace
     from roboscribe.rl.config import TrainConfig
+    from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
     from roboscribe.stages.runtime.task_config import TaskConfig
     from roboscribe.steps import Limits
 
@@ -132,20 +130,22 @@ def synthesize(
     where = TaskConfig(task, contact, timing)
     where.make()
     limits = Limits(success=success)
-    plan = Plan(where, seed, profile, demonstrations=demos, episodes=episodes, training=settings, limits=limits)
-    _make_room(*(path for path in (out, json) if path is not None))
+    plan = SynthesisPlan(
+        where, seed, profile, demonstrations=demos, evaluation_episodes=episodes, training=settings, limits=limits
+    )
+    make_room(out, json)
     with SynthesisConsole(console) as story:
         session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
         result = session.run(story.callbacks())
     if isinstance(result, Fail):
         raise typer.Exit(FAIL)
-    _say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
+    say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     if float(str(result["ci_high"])) < success:
-        _say(f"this is the best program found, below the {success:.0%} asked for")
-    _say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
-    _say(f"program {result['program_dir']}")
-    _say(f"MLflow run {result['mlflow_run_id'] or 'not there yet; `roboscribe ui` brings it up to date'}")
-    _write(json, result)
+        say(f"this is the best program found, below the {success:.0%} asked for")
+    say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
+    say(f"program {result['program_dir']}")
+    say(f"MLflow run {result['mlflow_run_id'] or 'not there yet; `roboscribe ui` brings it up to date'}")
+    write_result(json, result)
 
 
 @app.command()
@@ -159,26 +159,26 @@ def adapt(
     """Learn only the guards of a program's loops again, from demonstrations of another order."""
     from roboscribe.errors import Fail
     from roboscribe.pipelines.adaptation import adapt_saved, save
-    from roboscribe.pipelines.programs import program_directory
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
 
-    _make_room(out)
+    make_room(out)
     with program_directory(program, Workspace(home).mlruns) as directory:
         adaptation = adapt_saved(directory, demos, task)
         if isinstance(adaptation, Fail):
-            _say(f"FAIL: {adaptation.reason}")
+            say(f"FAIL: {adaptation.reason}")
             raise typer.Exit(FAIL)
         save(adaptation, out, directory)
     for old, new in adaptation.loops:
-        _say(f"old guard: {old}\nnew guard: {new}")
-    _say(f"program {out}, for {adaptation.task}; no control step was taken, evaluate measures it")
+        say(f"old guard: {old}\nnew guard: {new}")
+    say(f"program {out}, for {adaptation.task}; no control step was taken, evaluate measures it")
 
 
 @app.command()
 def evaluate(
     program: ProgramName,
     task: TaskOption = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = 500,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes to run")] = EVALUATION_EPISODES,
     seed: Seed = 0,
     json: JsonFile = None,
     contact: Contact = "stable",
@@ -187,21 +187,22 @@ def evaluate(
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval."""
     from roboscribe.evaluation import format_success
-    from roboscribe.pipelines.programs import evaluation, load_with_task, program_directory
+    from roboscribe.pipelines.programs import evaluation, load_with_task
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
     from roboscribe.stages.evaluate import Config
 
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
         opened, where = load_with_task(directory, task, contact, timing)
         result = evaluation(opened, Config(where, seed, episodes), report)
-    _say(f"{where.name}: success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
-    _say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
+    say(f"{where.name}: success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
+    say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")
     failing = result["failing"]
     assert isinstance(failing, list)
     if failing:
         listed = ", ".join(map(str, failing[:20])) + ", …" * (len(failing) > 20)
-        _say(f"failing episodes: {listed} (to see one: roboscribe render --episode {failing[0]})")
-    _write(json, result)
+        say(f"failing episodes: {listed} (to see one: roboscribe render --episode {failing[0]})")
+    write_result(json, result)
 
 
 @app.command()
@@ -221,26 +222,27 @@ def render(
     """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
     from roboscribe.envs.render import check_suffix
     from roboscribe.pipelines import film_selection
-    from roboscribe.pipelines.programs import load_with_task, program_directory
+    from roboscribe.pipelines.programs import load_with_task
     from roboscribe.pipelines.workspace import Workspace
+    from roboscribe.programs import program_directory
     from roboscribe.stages.film import FilmOptions
 
     columns, rows = film_selection.grid(grid)
     first, count = episode or 0, columns * rows
     out = out or Path(f"{Path(program).resolve().name}.mp4")
     check_suffix(out)
-    _make_room(out)
+    make_room(out)
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
         opened, where = load_with_task(directory, task, contact, timing)
         episodes = list(range(first, first + count))
         if failing:
             episodes = film_selection.failing_episodes(opened, where, seed, count, first, report)
         if not episodes:
-            _say(f"none of the episodes {first} to {first + film_selection.SEARCHED - 1} fails; nothing is filmed")
+            say(f"none of the episodes {first} to {first + film_selection.SEARCHED - 1} fails; nothing is filmed")
             return
         shooting = FilmOptions(columns, rows, slow)
-        path, solved = film_selection.shoot(opened, where, seed, episodes, out, shooting)
-    _say(f"{path}: episode{'s' * (len(episodes) > 1)} {', '.join(map(str, episodes))}, {len(solved)} solved")
+        path, solved = film_selection.film_episodes(opened, where, seed, episodes, out, shooting)
+    say(f"{path}: episode{'s' * (len(episodes) > 1)} {', '.join(map(str, episodes))}, {len(solved)} solved")
 
 
 @app.command()
@@ -278,7 +280,7 @@ def ui(
     from roboscribe.pipelines import mlflow_server
     from roboscribe.pipelines.workspace import Workspace
 
-    _say(f"http://127.0.0.1:{port}")
+    say(f"http://127.0.0.1:{port}")
     mlflow_server.serve(Workspace(home), port)
 
 
@@ -300,20 +302,13 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except typer.exceptions.TyperException as error:
-        code = _refuse(error.format_message() if isinstance(error, typer.BadParameter) else str(error))
+        code = refuse(error.format_message() if isinstance(error, typer.BadParameter) else str(error))
     except (RoboScribeError, OSError) as error:
-        code = _refuse(str(error))
+        code = refuse(str(error))
     if code == INTERRUPTED:
         sys.stdout.flush()
         interrupts.end()
     sys.exit(code)
-
-
-def _refuse(message: str) -> int:
-    """Print one line on standard error; returns the exit code of bad input."""
-    if message:
-        sys.stderr.write(f"error: {message}\n")
-    return BAD_INPUT
 
 
 def _goals(entities: Sequence[ObjectType]) -> list[str]:
@@ -321,42 +316,13 @@ def _goals(entities: Sequence[ObjectType]) -> list[str]:
     return [f"g({kind.name}): {', '.join(a.name for a in kind.goal)}" for kind in dict.fromkeys(entities) if kind.goal]
 
 
-def _make_room(*files: Path) -> None:
-    """Make the directories in which results go.
-
-    Raises:
-        ArtifactError: one cannot be made.
-    """
-    from roboscribe.errors import ArtifactError
-
-    for file in files:
-        try:
-            file.resolve().parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            msg = f"{file}: its directory cannot be made ({error.strerror})"
-            raise ArtifactError(msg) from error
-
-
 @contextmanager
-def _bar() -> Iterator[Report]:
-    """Show one progress bar for work that has no story."""
+def _bar() -> Iterator[ProgressCallback]:
+    """Show a progress bar; yields the callback that moves it."""
     from roboscribe.pipelines.progress_bar import ProgressBar
 
     with ProgressBar(console) as bar:
-        yield bar.watch
-
-
-def _say(line: str) -> None:
-    """Print text as it is."""
-    console.print(Text(line), soft_wrap=True)
-
-
-def _write(path: Path | None, result: Mapping[str, Json]) -> None:
-    """Write a result as JSON where asked to."""
-    from roboscribe.io.atomic import indented_json, write_file
-
-    if path is not None:
-        write_file(path, indented_json(result).encode())
+        yield bar.on_progress
 
 
 if __name__ == "__main__":

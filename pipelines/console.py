@@ -1,4 +1,4 @@
-"""The synthesis told as it happens: what was tried, how often it succeeded, which subgoal was chosen and why."""
+"""The console output of a synthesis: what is tried, how often it succeeds, which subgoal is chosen and why."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ ROWS = 5
 
 
 class SynthesisConsole(ProgressBar):
-    """Prints what happens above the bar."""
+    """Prints the events of a synthesis above a progress bar."""
 
     def __init__(self, console: Console) -> None:
-        """Begin a story."""
+        """Start with nothing tried."""
         super().__init__(console)
         self._refinements = 0
         self._tried = ""
 
     def callbacks(self) -> Callbacks:
-        """Return the ears of a session."""
-        return Callbacks(self.begin, self.listen, self.watch)
+        """Return the callbacks that print here."""
+        return Callbacks(self.on_stage, self.on_event, self.on_progress)
 
-    def listen(self, event: Event) -> None:
-        """Tell an event."""
+    def on_event(self, event: Event) -> None:
+        """Print an event."""
         match event:
             case Ingested(report, profile):
                 self._ingested(report, profile)
@@ -57,7 +57,7 @@ class SynthesisConsole(ProgressBar):
                 self.say(f"{goal}: trying {self._tried}")
             case Trained(_, reports, _):
                 for report in reports:
-                    self.say(f"  {trained(report)}")
+                    self.say(f"  {training_line(report)}")
             case RolledOut(goal, counts, _):
                 self.say(f"  {self._tried} reached {goal} in {counts['successes']} of {counts['episodes']} episodes")
             case Refined() | Abandoned() | Removed():
@@ -96,7 +96,7 @@ class SynthesisConsole(ProgressBar):
         refinement, node = event.refinement, event.refinement.node
         head = f"refinement {self._refinements}: {node.name} ≡ {text(node.predicate)}, a subgoal of {refinement.psi}"
         self.say(head, "bold cyan")
-        self.say(f"  because {why(refinement)}")
+        self.say(f"  because {reason_line(refinement)}")
         for phi, why_not in refinement.passed_over:
             self.say(f"  passed over {phi}: {why_not}", "dim")
         self.say(f"  its program explains {event.explained} of {event.demonstrations} demonstrations")
@@ -104,7 +104,7 @@ class SynthesisConsole(ProgressBar):
             self.console.print(ranked_table(refinement.table))
 
 
-def why(refinement: Refinement) -> str:
+def reason_line(refinement: Refinement) -> str:
     """Say in one line why a subgoal was chosen."""
     psi, count = refinement.psi, refinement.negatives
     chosen = next(c for c in refinement.table if c.predicate == refinement.node.predicate)
@@ -127,7 +127,7 @@ def ranked_table(candidates: Iterable[Candidate]) -> Table:
     return table
 
 
-def trained(report: Mapping[str, Any]) -> str:
+def training_line(report: Mapping[str, Any]) -> str:
     """Say in one line how a controller was learned."""
     name, learner, steps = report["controller"], report["learner"], report["control_steps"]
     if learner == "scripted":

@@ -10,7 +10,7 @@ from roboscribe.errors import TaskError
 from roboscribe.evaluation import PURPOSE, episode_seeds, waves
 from roboscribe.runnable import Runnable
 from roboscribe.stages.film import FilmOptions, film, record_episodes
-from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
 
@@ -36,7 +36,12 @@ def grid(spelled: str) -> tuple[int, int]:
 
 
 def failing_episodes(
-    program: Runnable, where: TaskConfig, seed: int, wanted: int, first: int = 0, report: Report = silent
+    program: Runnable,
+    where: TaskConfig,
+    seed: int,
+    wanted: int,
+    first: int = 0,
+    report: ProgressCallback = ignore_progress,
 ) -> list[int]:
     """Find failing episodes of a seed's evaluation; fewer than wanted where there are not so many.
 
@@ -53,14 +58,14 @@ def failing_episodes(
     done, few = first, max(AT_ONCE, 2 * wanted)
     while len(found) < wanted and done < len(seeds):
         wave = seeds[done : done + few]
-        for rollouts in waves(program, task, wave, watch=episode_watch(f"roll out {ROOT}", len(wave), report)):
+        for rollouts in waves(program, task, wave, watch=episode_progress(f"roll out {ROOT}", len(wave), report)):
             found += [done + rank for rank, won in enumerate(rollouts.success) if not won]
             done += len(rollouts.success)
         few *= 2
     return found[:wanted]
 
 
-def shoot(
+def film_episodes(
     program: Runnable, where: TaskConfig, seed: int, episodes: Sequence[int], out: Path, how: FilmOptions
 ) -> tuple[Path, list[int]]:
     """Film episodes of a seed's evaluation.

@@ -21,21 +21,21 @@ SHOW_CURSOR = "\x1b[?25h"
 
 
 class Interrupts:
-    """What the signals mean while a command runs.
+    """Handles SIGINT and SIGTERM while a command runs.
 
     Args:
         message: the one line.
     """
 
     def __init__(self, message: str) -> None:
-        """Take the signals over."""
+        """Install the handlers."""
         self._message = message
         self._asked = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._ask)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
-        """End in order; asked twice, end now."""
+        """End in order; at the second signal, at once."""
         if self._asked:
             self.end()
         self._asked = True
@@ -53,4 +53,4 @@ class Interrupts:
 
 
 def _ignore(_: object) -> None:
-    """Say nothing."""
+    """Ignore a signal."""

@@ -16,7 +16,7 @@ Self = TypeVar("Self", bound="ProgressBar")
 
 
 class ProgressBar:
-    """Says what is being worked on and how far it is. Nothing it prints is read as markup."""
+    """Shows what is being worked on and how far it is. Nothing it prints is read as markup."""
 
     def __init__(self, console: Console) -> None:
         """Prepare the bar; it moves only where the console is a terminal."""
@@ -45,11 +45,11 @@ class ProgressBar:
         """Remove the bar."""
         self._bar.stop()
 
-    def begin(self, label: str) -> None:
+    def on_stage(self, label: str) -> None:
         """Name the work that begins."""
         self._bar.reset(self._task, description=label, total=None, figures="")
 
-    def watch(self, progress: Progress) -> None:
+    def on_progress(self, progress: Progress) -> None:
         """Move the bar."""
         figures = "  ".join(f"{name} {value:.3g}" for name, value in list(progress.metrics.items())[:3])
         self._bar.update(

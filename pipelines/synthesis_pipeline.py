@@ -3,50 +3,19 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
+from roboscribe.abstraction_refinement import Solution, roboscribe
 from roboscribe.errors import DemonstrationError, Fail
 from roboscribe.grounding import settled_profile
-from roboscribe.programs import program_name
-from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages import collect, evaluate, film, ingest, package
-from roboscribe.stages.runtime.events import Evaluated, Failed, Filmed, Ingested, Listener, Packaged
+from roboscribe.stages.runtime.events import Evaluated, EventCallback, Failed, Filmed, Ingested, Packaged
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_fail, read_json
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
-from roboscribe.stages.steps import ControllerFiles, RunStage, Setting, StagedSteps, StoreValue
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What is asked for.
-
-    Args:
-        task: where.
-        seed: decides everything.
-        profile: what may be learned from, or `scripted` for the task's own controllers; None is `actions` where the
-            demonstrations have them, else `states`.
-        demonstrations: a Parquet file; None collects some.
-        shown: demonstrations to collect.
-        tried: episodes per rollout of Algorithm 2.
-        episodes: episodes of the final evaluation.
-        limits: accuracy asked and effort allowed.
-        training: settings of the learners, but for the profile.
-        video: whether an episode is filmed.
-    """
-
-    task: TaskConfig
-    seed: int = 0
-    profile: Profile | None = None
-    demonstrations: Path | None = None
-    shown: int = 50
-    tried: int = 100
-    episodes: int = 500
-    limits: Limits = field(default_factory=Limits)
-    training: TrainConfig = field(default_factory=TrainConfig)
-    video: bool = True
+from roboscribe.stages.steps import ControllerFiles, RunStage, StagedSteps, StoreValue
 
 
 @dataclass(frozen=True)
@@ -66,7 +35,7 @@ class SynthesisResult:
     directory: Path
 
 
-def run_pipeline(plan: Plan, call: RunStage, put: StoreValue, tell: Listener) -> SynthesisResult | Fail:
+def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: EventCallback) -> SynthesisResult | Fail:
     """Collect or take demonstrations, run Algorithm 1, evaluate and package.
 
     Args:
@@ -75,20 +44,20 @@ def run_pipeline(plan: Plan, call: RunStage, put: StoreValue, tell: Listener) ->
         put: stores a small value.
         tell: hears what happens.
     """
-    shown, report = demonstrations(plan, call)
+    shown, report = usable_demonstrations(plan, call)
     if isinstance(report, Fail):
         tell(Failed(report.reason))
         return report
     profile = settled_profile(plan.profile, report["actions"], plan.demonstrations or DEMONSTRATIONS)
     tell(Ingested(report, profile))
-    setting = _setting(plan, profile, shown)
-    staged = StagedSteps(setting, call, put, tell)
+    plan = replace(plan, training=plan.training.for_profile(profile))
+    staged = StagedSteps(plan, shown, call, put, tell)
     solution = roboscribe(staged.steps(), ControllerFiles(), plan.limits)
     if isinstance(solution, Fail):
         tell(Failed(solution.reason))
         return solution
     running = {"program": staged.program(solution.program), **solution.skills.runnable()}
-    config = evaluate.Config(plan.task, plan.seed, plan.episodes, plan.training.confirm)
+    config = evaluate.Config(plan.task, plan.seed, plan.evaluation_episodes, plan.training.confirm)
     evaluated = call("evaluate program", evaluate.STAGE, config, running)
     figures = read_json(evaluated / OUTCOME)
     tell(Evaluated(figures, evaluated / EPISODES))
@@ -104,18 +73,18 @@ def run_pipeline(plan: Plan, call: RunStage, put: StoreValue, tell: Listener) ->
     return SynthesisResult(solution, profile, figures, directory)
 
 
-def command(plan: Plan, profile: str | None) -> str:
+def command(plan: SynthesisPlan, profile: str | None) -> str:
     """Spell the command line that makes a plan's program, as far as options can say what is planned.
 
     Args:
         plan: what is asked for.
         profile: what is learned from; None leaves the choice to the command.
     """
-    task, usual = plan.task, Plan(TaskConfig(plan.task.name))
+    task, usual = plan.task, SynthesisPlan(TaskConfig(plan.task.name))
     options = (
         ("--profile", profile, None),
         ("--demos", plan.demonstrations, usual.demonstrations),
-        ("--episodes", plan.episodes, usual.episodes),
+        ("--episodes", plan.evaluation_episodes, usual.evaluation_episodes),
         ("--budget", plan.training.budget, usual.training.budget),
         ("--success", plan.limits.success, usual.limits.success),
         ("--contact", task.contact, usual.task.contact),
@@ -127,7 +96,7 @@ def command(plan: Plan, profile: str | None) -> str:
     return shlex.join(words)
 
 
-def show(plan: Plan, call: RunStage) -> Path:
+def demonstration_file(plan: SynthesisPlan, call: RunStage) -> Path:
     """Return the file of demonstrations, given or collected.
 
     Raises:
@@ -135,7 +104,7 @@ def show(plan: Plan, call: RunStage) -> Path:
     """
     given = plan.demonstrations
     if given is None:
-        config = collect.Config(plan.task, plan.shown, plan.seed)
+        config = collect.Config(plan.task, plan.n_demonstrations, plan.seed)
         return call("collect demonstrations", collect.STAGE, config, {}) / DEMONSTRATIONS
     if not given.is_file():
         msg = f"{given}: no such file, expected demonstrations in Parquet"
@@ -143,15 +112,9 @@ def show(plan: Plan, call: RunStage) -> Path:
     return given
 
 
-def demonstrations(plan: Plan, call: RunStage) -> tuple[Path, dict[str, Any] | Fail]:
+def usable_demonstrations(plan: SynthesisPlan, call: RunStage) -> tuple[Path, dict[str, Any] | Fail]:
     """Return the file of usable demonstrations and what is said about it."""
-    given = show(plan, call)
+    given = demonstration_file(plan, call)
     out = call("ingest demonstrations", ingest.STAGE, ingest.Config(plan.task), {"demonstrations": given})
     fail = read_fail(out)
-    return out / DEMONSTRATIONS, fail or read_json(out / ingest.REPORT)
-
-
-def _setting(plan: Plan, profile: Profile, shown: Path) -> Setting:
-    """Say what all steps share."""
-    training = replace(plan.training, profile=profile)
-    return Setting(plan.task, plan.seed, program_name(plan.task.name), training, plan.tried, shown)
+    return out / DEMONSTRATIONS, fail or {**read_json(out / ingest.REPORT), "source": str(given)}

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Literal, TypeAlias, assert_never
+from typing import Literal, TypeAlias
 
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of
@@ -15,29 +15,19 @@ from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan, SynthesisResult, command, run_pipeline, show
+from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, command, demonstration_file, run_pipeline
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
-from roboscribe.stages.runtime.configuration import encode
-from roboscribe.stages.runtime.events import (
-    Abandoned,
-    Evaluated,
-    Event,
-    Failed,
-    Filmed,
-    Ingested,
-    Listener,
-    Packaged,
-    Programmed,
-    Refined,
-    Removed,
-    RolledOut,
-    Trained,
-)
+from roboscribe.stages.runtime.configuration import encode, flattened
+from roboscribe.stages.runtime.events import Event, EventCallback
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
-from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
+from roboscribe.stages.tracking.description import begun, failed, solved
+from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter
+from roboscribe.stages.tracking.mlflow_store import NOTE_TAG
+from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import SECONDS, Tracker
 from roboscribe.tree_json import tree_to_json
 
@@ -45,52 +35,25 @@ FIGURES = ("success", "ci_low", "ci_high", "episodes", "env_steps", "evaluation_
 """Figures of the result that are tracked."""
 STAGES = tuple(f"roboscribe.stages.{name}" for name in ("steps", "collect", "ingest", "evaluate", "package", "film"))
 """Modules whose code a run depends on."""
+SHOWN = 8
+"""Characters by which a run is found again, see `roboscribe runs`."""
 Engine: TypeAlias = Literal["prefect", "local"]
-
-
-@dataclass
-class ControlStepCounter:
-    """Counts the control steps of a synthesis, those of cached stages included."""
-
-    env_steps: int = 0
-
-    def listen(self, event: Event) -> None:
-        """Count an event's control steps."""
-        match event:
-            case Trained(_, reports, _):
-                self.env_steps += sum(int(report["control_steps"]) for report in reports)
-            case RolledOut(_, counts, _):
-                self.env_steps += int(counts["control_steps"])
-            case (
-                Ingested()
-                | Programmed()
-                | Refined()
-                | Abandoned()
-                | Removed()
-                | Evaluated()
-                | Packaged()
-                | Filmed()
-                | Failed()
-            ):
-                pass
-            case _:
-                assert_never(event)
 
 
 @dataclass(frozen=True)
 class SynthesisRun:
-    """Everything one synthesis needs.
+    """One synthesis: plan, workspace, engine, tracking.
 
     Args:
         plan: what is asked for.
-        home: where it is kept.
+        workspace: where it is kept.
         engine: what runs the stages.
         out: where the program goes; None is a directory under `data/programs`.
         track: whether MLflow is told.
     """
 
-    plan: Plan
-    home: Workspace
+    plan: SynthesisPlan
+    workspace: Workspace
     engine: Engine = "prefect"
     out: Path | None = None
     track: bool = True
@@ -102,33 +65,37 @@ class SynthesisRun:
             What `roboscribe synthesize --json` writes, or why there is no program.
         """
         start, commit = perf_counter(), checkout_commit()  # before the work: the checkout may move on meanwhile
-        directory = self.home.data / "runs" / self.key()
+        directory = self.workspace.data / "runs" / self.key()
         directory.mkdir(parents=True, exist_ok=True)
         with locked(directory):
-            tracker = Tracker(directory, self.home.mlruns, self._params(), self._title(), self.plan.task.name)
+            tracker = Tracker(directory, self.workspace.mlruns, self._params(), self._title(), self.plan.task.name)
             if self.track:
                 tracker.start()
-            counter = ControlStepCounter()
-            chronicle = Chronicle(directory / CHRONICLE, self._about(commit))
+            spelled = command(self.plan, self.plan.profile)
+            tracker.settings(self._settings())
+            tracker.tags({**source_tags(spelled, commit), NOTE_TAG: begun(spelled)})
+            event_log = EventLogWriter(directory / CHRONICLE, self._about(commit))
             try:
-                found = self._synthesize(callbacks, (counter.listen, tracker.listen, chronicle.listen), tracker)
-                result = found if isinstance(found, Fail) else self._result(found, counter, commit)
+                found = self._synthesize(callbacks, (tracker.on_event, event_log.on_event), tracker)
+                result = found if isinstance(found, Fail) else self._result(found, tracker.env_steps, commit)
             except BaseException as error:
                 killed = isinstance(error, KeyboardInterrupt | SystemExit)
                 tracker.status("KILLED" if killed else "FAILED")
                 tracker.leave() if killed else tracker.close(timeout=30.0)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
-            chronicle.end(
+            event_log.end(
                 {"reason": result.reason} if isinstance(result, Fail) else {**result, "wall_seconds": seconds}
             )
-            tracker.attach(chronicle.path)
+            tracker.attach(event_log.path)
             if isinstance(result, Fail):
+                tracker.tags({NOTE_TAG: failed(spelled, result.reason)}, last=True)
                 tracker.status("FAILED")
                 tracker.close()
                 return result
+            tracker.tags({NOTE_TAG: solved(spelled, result, tracker.subgoals, directory.name[:SHOWN])}, last=True)
             figures = {name: float(str(result[name])) for name in FIGURES}
-            tracker.result({**figures, SECONDS: seconds}, counter.env_steps)
+            tracker.result({**figures, SECONDS: seconds}, tracker.env_steps + int(str(result["evaluation_steps"])))
             tracker.status("FINISHED")
             return {**result, "wall_seconds": seconds, "mlflow_run_id": tracker.close()}
 
@@ -150,36 +117,36 @@ class SynthesisRun:
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _synthesize(
-        self, callbacks: Callbacks, listeners: tuple[Listener, ...], tracker: Tracker
+        self, callbacks: Callbacks, listeners: tuple[EventCallback, ...], tracker: Tracker
     ) -> SynthesisResult | Fail:
-        store = Store(self.home.data / "stages")
+        store = Store(self.workspace.data / "stages")
 
-        def watch(progress: Progress) -> None:
-            tracker.watch(progress)
-            callbacks.watch(progress)
+        def on_progress(progress: Progress) -> None:
+            tracker.on_progress(progress)
+            callbacks.on_progress(progress)
 
         def tell(event: Event) -> None:
-            for listen in (*listeners, callbacks.listen):
-                listen(event)
+            for on_event in (*listeners, callbacks.on_event):
+                on_event(event)
 
         def call(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-            callbacks.begin(label)
-            return store.run(stage, config, inputs, watch)
+            callbacks.on_stage(label)
+            return store.run(stage, config, inputs, on_progress)
 
         if self.engine == "local":
             return run_pipeline(self.plan, call, store.put, tell)
-        with prefect_server(self.home.data / "prefect") as server:
+        with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
-            show(self.plan, call)  # while the server starts; the flow then finds the stage done
+            demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
             return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
 
-    def _result(self, found: SynthesisResult, counter: ControlStepCounter, commit: str) -> dict[str, Json]:
+    def _result(self, found: SynthesisResult, env_steps: int, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""
         plan, figures = self.plan, found.figures
         name = f"{program_name(plan.task.name)}-{found.profile}-seed{plan.seed}"
-        out = self.out or self.home.data / "programs" / name
-        publish(found.directory, out, {"env_steps": counter.env_steps}, commit)
+        out = self.out or self.workspace.data / "programs" / name
+        publish(found.directory, out, {"env_steps": env_steps}, commit)
         return {
             "task": plan.task.name,
             "seed": plan.seed,
@@ -189,7 +156,7 @@ class SynthesisRun:
             "ci_low": figures["ci_low"],
             "ci_high": figures["ci_high"],
             "refinements": len(found.solution.refinements),
-            "env_steps": counter.env_steps,
+            "env_steps": env_steps,
             "evaluation_steps": figures["control_steps"],
             "program": (found.directory / PROGRAM).read_text(encoding="utf-8"),
             "tree": tree_to_json(found.solution.tree),
@@ -205,6 +172,11 @@ class SynthesisRun:
 
     def _title(self) -> str:
         return f"{self.plan.task.name} seed {self.plan.seed}"
+
+    def _settings(self) -> dict[str, str]:
+        """Return the whole configuration, by the names that `--set` takes."""
+        plan = flattened(encode(replace(self.plan, demonstrations=None)))
+        return {name: str(value) for name, value in plan.items() if name != "demonstrations"}
 
     def _params(self) -> dict[str, str]:
         plan = self.plan

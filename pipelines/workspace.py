@@ -1,4 +1,4 @@
-"""Where everything is kept."""
+"""The directory in which everything is kept."""
 
 from __future__ import annotations
 

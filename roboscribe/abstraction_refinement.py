@@ -34,8 +34,8 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
     """
     search = Search(steps, limits)
     reasons: list[str] = []
-    for choices in search.lines():
-        found = synthesize(ROOT, Tree(), skills, search.following(choices))
+    for line in search.lines():
+        found = synthesize(ROOT, Tree(), skills, line)
         if isinstance(found, Fail):
             reasons.append(found.reason)
             steps.tell(Abandoned(found.reason))

@@ -17,6 +17,8 @@ from roboscribe.world.trajectory import AGREEMENT
 
 T = TypeVar("T")
 TRIED = "trained and did not help"
+BY_DEGREES, IN_KIND = 1, 2
+"""What a choice gives away that takes the next best: hardly anything where it is worse by degrees alone."""
 
 
 @dataclass
@@ -24,7 +26,7 @@ class Search(Generic[Skills]):
     """Every choice passes here: which lines are open, what was done already, what was best.
 
     A line is the list of its choices; a choice is the rank of what is taken among what is possible. Lines are taken up
-    in the order of the ranks they give away, latest choices first. What two lines share is done once.
+    in the order of what they give away, latest choices first. What two lines share is done once.
     """
 
     steps: Steps[Skills]
@@ -35,10 +37,11 @@ class Search(Generic[Skills]):
     open: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=lambda: [(0, 0, ())])
     done: dict[tuple[object, ...], object] = field(default_factory=dict)
 
-    def lines(self) -> Iterator[tuple[int, ...]]:
-        """Yield the choices of one line after the other, best first, until a program is good or the budget is spent."""
+    def lines(self) -> Iterator[Line[Skills]]:
+        """Yield one line after the other, best first, until a program is good or the budget is spent."""
         while self.open and self.trained < self.limits.programs and not self.satisfied:
-            yield heappop(self.open)[-1]
+            given_away, _, choices = heappop(self.open)
+            yield Line(self, choices, given_away)
 
     @property
     def satisfied(self) -> bool:
@@ -52,13 +55,9 @@ class Search(Generic[Skills]):
         if self.best is None or found.outcome.beats(self.best.outcome):
             self.best, self.since = found, self.trained
 
-    def following(self, choices: tuple[int, ...]) -> Line[Skills]:
-        """Prepare one line."""
-        return Line(self, choices)
-
-    def leave_open(self, choices: tuple[int, ...]) -> None:
+    def leave_open(self, choices: tuple[int, ...], given_away: int) -> None:
         """Remember that another choice is possible."""
-        heappush(self.open, (sum(choices), -len(choices), choices))
+        heappush(self.open, (given_away, -len(choices), choices))
 
 
 @dataclass
@@ -67,6 +66,7 @@ class Line(Generic[Skills]):
 
     search: Search[Skills]
     choices: tuple[int, ...]
+    given_away: int = 0
     taken: tuple[int, ...] = ()
     calls: int = 0
     refinements: list[Refinement] = field(default_factory=list)
@@ -101,7 +101,7 @@ class Line(Generic[Skills]):
         """Whether a subgoal that is reached often, but not often enough, is taken as it is."""
         rank = self._choose()
         if rank == 0:
-            self._leave_open()
+            self._leave_open(IN_KIND)
         return rank == 0
 
     def refine(self, failures: FloatArray, tree: Tree, psi: str) -> tuple[Refinement, Tree] | Fail:
@@ -114,7 +114,7 @@ class Line(Generic[Skills]):
         if isinstance(refined, Fail):
             self.exhausted = rank > 0
             return refined
-        self._leave_open()
+        self._leave_open(BY_DEGREES if options.next_is_alike(rank) else IN_KIND)
         self.refinements.append(refined.refinement)
         return refined.refinement, refined.tree
 
@@ -137,10 +137,10 @@ class Line(Generic[Skills]):
         self.taken = (*self.taken, rank)
         return rank
 
-    def _leave_open(self) -> None:
-        """Leave the next best open, unless an earlier line did."""
+    def _leave_open(self, price: int) -> None:
+        """Leave the next best open, which gives so much more away, unless an earlier line did."""
         if len(self.taken) >= len(self.choices):
-            self.search.leave_open((*self.taken[:-1], self.taken[-1] + 1))
+            self.search.leave_open((*self.taken[:-1], self.taken[-1] + 1), self.given_away + price)
 
     def _once(self, act: Callable[[], T]) -> T:
         """Do what this line has not done in common with an earlier one."""
@@ -159,6 +159,7 @@ class _Options(Generic[Skills]):
     refinement: Refinement
     tree: Tree
     found: list[Refined] = field(default_factory=list)
+    rows: list[int] = field(default_factory=list)
     passed: list[tuple[str, str]] = field(default_factory=list)
     looked_at: int = 0
 
@@ -171,16 +172,23 @@ class _Options(Generic[Skills]):
         reasons = "; ".join(f"{phi}: {why}" for phi, why in self.passed[:3])
         return Fail(f"no other subgoal is left to try ({reasons or 'none separates'})")
 
+    def next_is_alike(self, rank: int) -> bool:
+        """Whether the next row of the table is worse than the subgoal at `rank` by degrees alone."""
+        row, following = self.refinement.table[self.rows[rank]], self.refinement.table[self.rows[rank] + 1 :]
+        return bool(following) and following[0].levels == row.levels
+
     def _look(self) -> None:
         """Look at the next row of the table before anything is trained for it."""
-        candidate = self.refinement.table[self.looked_at]
-        refinement = self.steps.alternative(self.refinement, self.looked_at, self.tree)
+        row = self.looked_at
+        candidate = self.refinement.table[row]
+        refinement = self.steps.alternative(self.refinement, row, self.tree)
         self.looked_at += 1
         tree = self.steps.update_tree(self.tree, refinement)
         possible = possible_program(tree, self.steps)
         if isinstance(possible, Fail):
             self.passed.append((str(candidate.predicate), possible.reason))
             return
+        self.rows.append(row)
         passed = (*((str(r.refinement.node.predicate), TRIED) for r in self.found), *self.passed)
         self.found.append(
             Refined(replace(refinement, passed_over=passed), tree, possible.explained, possible.demonstrations)

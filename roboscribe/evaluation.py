@@ -27,7 +27,7 @@ Watch: TypeAlias = Callable[[int, int], None]
 """Told how many episodes are done, and in how many of them the program succeeded."""
 
 
-def unwatched(done: int, successes: int) -> None:
+def ignore_counts(done: int, successes: int) -> None:
     """Tell nobody."""
 
 
@@ -38,7 +38,7 @@ def episode_seeds(seed: int, purpose: str, episodes: int) -> IntArray:
 
 
 def waves(
-    program: Runnable, task: Task, seeds: IntArray, goal: str = ROOT, watch: Watch = unwatched
+    program: Runnable, task: Task, seeds: IntArray, goal: str = ROOT, watch: Watch = ignore_counts
 ) -> Iterator[Rollouts]:
     """Run a program once from every seed, in waves.
 
@@ -134,7 +134,7 @@ class Evaluation:
         return f"<p>{escape(str(self))}</p>"
 
 
-def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watch = unwatched) -> Evaluation:
+def measure(program: Runnable, task: Task, seed: int, episodes: int, watch: Watch = ignore_counts) -> Evaluation:
     """Run a program on the evaluation episodes of a seed."""
     seeds = episode_seeds(seed, PURPOSE, episodes)
     done = list(waves(program, task, seeds, watch=watch))

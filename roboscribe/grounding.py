@@ -13,7 +13,7 @@ from roboscribe.io.atomic import Json
 from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import ProgramLog, SkillReport, quiet, train_program
+from roboscribe.rl.train_program import ProgramLog, SkillReport, no_log, train_program
 from roboscribe.subtask_tree import Tree
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
@@ -32,7 +32,7 @@ def ground(
     seed: int,
     *,
     solve: bool,
-    log: ProgramLog = quiet,
+    log: ProgramLog = no_log,
     checkpoints: Path | None = None,
 ) -> tuple[Library, tuple[SkillReport, ...]]:
     """Give every statement of a program a controller: a learned one, or in profile `scripted` the task's own.

@@ -9,6 +9,7 @@ import numpy as np
 
 from roboscribe.abstraction_refinement import roboscribe
 from roboscribe.controllers import Library
+from roboscribe.defaults import EVALUATION_EPISODES, ROLLOUT_EPISODES
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
@@ -36,8 +37,8 @@ def synthesize(
     *,
     seed: int = 0,
     profile: Profile | None = None,
-    rollout_episodes: int = 100,
-    evaluation_episodes: int = 500,
+    rollout_episodes: int = ROLLOUT_EPISODES,
+    evaluation_episodes: int = EVALUATION_EPISODES,
     limits: Limits | None = None,
     training: TrainConfig | None = None,
     tell: Callable[[str], None] = lambda line: None,
@@ -74,7 +75,7 @@ def synthesize(
     for line in screened.report:
         tell(line)
     chosen = settled_profile(profile, all(each.actions is not None for each in screened.kept), "demonstrations")
-    settings = replace(training or TrainConfig(), profile=chosen)
+    settings = (training or TrainConfig()).for_profile(chosen)
     evidence = Evidence.of(screened.kept, where.solved)
     learning = Learning(where, evidence, seed, settings, rollout_episodes, tell)
     name = task if isinstance(task, str) else task.name
@@ -121,7 +122,7 @@ class Learning:
         evidence: the demonstrations.
         seed: decides everything random.
         training: settings of the learners.
-        episodes: in which each program is tried.
+        rollout_episodes: in which each program is tried.
         tell: told in one line what happens.
     """
 
@@ -129,7 +130,7 @@ class Learning:
     evidence: Evidence
     seed: int
     training: TrainConfig
-    episodes: int
+    rollout_episodes: int
     tell: Callable[[str], None]
 
     def steps(self, name: str) -> Steps[Trained]:
@@ -149,13 +150,13 @@ class Learning:
 
     def roll_out(self, program: Program, goal: str, trained: Trained) -> Outcome:
         """Exec(M, P)."""
-        outcome = self._outcome(program, goal, trained, self.episodes)
+        outcome = self._outcome(program, goal, trained, self.rollout_episodes)
         self.tell(f"{goal} is reached in {outcome.successes} of {outcome.episodes} episodes")
         return outcome
 
     def check(self, program: Program, goal: str, trained: Trained) -> Outcome:
         """Exec(M, P) for a few episodes."""
-        return self._outcome(program, goal, trained, min(CHECKED, self.episodes))
+        return self._outcome(program, goal, trained, min(CHECKED, self.rollout_episodes))
 
     def _outcome(self, program: Program, goal: str, trained: Trained, episodes: int) -> Outcome:
         seeds = episode_seeds(self.seed, f"roll out {goal}", episodes)

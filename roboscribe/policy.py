@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.dsl.interpreter import at_work
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.parser import parse_program
@@ -16,11 +17,11 @@ from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import ProgramError
-from roboscribe.evaluation import Evaluation, Watch, measure, unwatched
+from roboscribe.evaluation import Evaluation, Watch, ignore_counts, measure
 from roboscribe.html.code import program_html
 from roboscribe.html.style import standalone
 from roboscribe.io.saved_program import load_program
-from roboscribe.programs import find_program
+from roboscribe.programs import program_directory
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
 from roboscribe.world.layout import NULL, FloatArray
@@ -149,8 +150,8 @@ def load(program: str | Path, task: Task | str | None = None) -> Policy:
     """Load a program, or a baseline, ready to drive one robot.
 
     Args:
-        program: a directory that `roboscribe synthesize --out` or `Synthesis.save` wrote, an edited copy of it, or the
-            name of a shipped program.
+        program: a directory that `roboscribe synthesize --out` or `Synthesis.save` wrote, an edited copy of it, the
+            name of a shipped program, or an MLflow run id.
         task: what it shall do, or the name of that; None is the task for which it was made.
 
     Raises:
@@ -158,19 +159,19 @@ def load(program: str | Path, task: Task | str | None = None) -> Policy:
         ProgramError: its text is no program.
         TaskError: an unknown task.
     """
-    directory = find_program(program)
-    saved = load_program(directory)
-    where = task_named(str(saved.manifest["task"]) if task is None else task)
-    return Policy(open_saved(saved, where, str(directory)), where)
+    with program_directory(program) as directory:
+        saved = load_program(directory)
+        where = task_named(str(saved.manifest["task"]) if task is None else task)
+        return Policy(open_saved(saved, where, str(directory)), where)
 
 
 def evaluate(
     program: Policy | str | Path,
     task: Task | str | None = None,
     *,
-    episodes: int = 500,
+    episodes: int = EVALUATION_EPISODES,
     seed: int = 0,
-    watch: Watch = unwatched,
+    watch: Watch = ignore_counts,
 ) -> Evaluation:
     """Measure how often a program solves a task.
 

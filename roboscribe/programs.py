@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import MANIFEST, SavedProgram, load_program
+from roboscribe.io.tracked import is_run_id, tracked_program, usual_mlruns
 from roboscribe.subtask_tree import Tree
 from roboscribe.tree_json import tree_to_json
 
@@ -76,6 +78,24 @@ def find_program(name: str | Path, *also: str) -> Path:
     expected = " or ".join((", ".join(("a program's directory", *also)), shipped))
     msg = f"program {name}: does not exist; expected {expected}"
     raise ArtifactError(msg)
+
+
+@contextmanager
+def program_directory(name: str | Path, mlruns: Path | None = None) -> Iterator[Path]:
+    """Find a program: a directory, an MLflow run, whose program is copied for the time being, or a shipped program.
+
+    Args:
+        name: a path, an MLflow run id, or the name of a shipped program; they are tried in this order.
+        mlruns: directory of the tracking store; None is `mlruns` where `ROBOSCRIBE_HOME` says, or here.
+
+    Raises:
+        ArtifactError: it is none of them.
+    """
+    if is_run_id(name):
+        with tracked_program(str(name), usual_mlruns() if mlruns is None else mlruns) as found:
+            yield found
+    else:
+        yield find_program(name, "an MLflow run id")
 
 
 def program_name(task: str) -> str:

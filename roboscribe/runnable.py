@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from roboscribe.controllers import from_parts
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import Controller
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.syntax import Program
@@ -29,7 +30,7 @@ class Runnable:
     program: Program
     library: Mapping[str, Controller]
     limits: Mapping[str, int]
-    confirm: int = 3
+    confirm: int = CONFIRM
 
 
 def runnable(saved: SavedProgram, task: Task, where: str) -> Runnable:
@@ -40,7 +41,7 @@ def runnable(saved: SavedProgram, task: Task, where: str) -> Runnable:
         ProgramError: its text, edited perhaps, is no program.
     """
     limits: Any = saved.manifest.get("limits", {})
-    confirm = saved.manifest.get("confirm", 3)
+    confirm = saved.manifest.get("confirm", CONFIRM)
     sound = isinstance(limits, Mapping) and all(isinstance(steps, int) for steps in limits.values())
     if not sound or not isinstance(confirm, int):
         msg = f"{where}: found limits {limits!r} and confirm {confirm!r}, expected steps by controller and a count"

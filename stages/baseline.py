@@ -13,6 +13,7 @@ from roboscribe.baselines.course import Course
 from roboscribe.baselines.off_policy import learn_off_policy
 from roboscribe.baselines.policy import Policy, as_program, name_of, to_parts
 from roboscribe.controllers import plain
+from roboscribe.defaults import ROLLOUT_EPISODES
 from roboscribe.evaluation import episode_seeds, waves
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
@@ -22,7 +23,7 @@ from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.files import OUTCOME, program_bytes, write_json
 from roboscribe.stages.runtime.journal import Journal, read_records
-from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.progress import Progress, ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig, load_demonstrations
 from roboscribe.world import Task, Trajectory
@@ -39,7 +40,7 @@ class Config:
         method: how it learns.
         seed: decides everything.
         steps: gradient steps of clones, control steps of the others; None is what is usual.
-        episodes: of each evaluation on the way; their control steps do not count.
+        rollout_episodes: of each evaluation on the way; their control steps do not count.
         settings: of the methods.
         demonstrations: SHA-256 of the demonstrations, for the manifest.
         command: command line that makes it, for the manifest.
@@ -49,7 +50,7 @@ class Config:
     method: Method = "bc"
     seed: int = 0
     steps: int | None = None
-    episodes: int = 100
+    rollout_episodes: int = ROLLOUT_EPISODES
     settings: BaselineConfig = field(default_factory=BaselineConfig)
     demonstrations: str = ""
     command: str = ""
@@ -57,7 +58,7 @@ class Config:
 
 @dataclass(frozen=True)
 class TrainedPolicy:
-    """A policy, and what it took.
+    """A policy, and the steps that its training took.
 
     Args:
         policy: the last weights.
@@ -72,7 +73,7 @@ class TrainedPolicy:
     hopeless: bool = False
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write the directory `program/`, and `outcome.json` with what it took and the success on the way.
 
     An interrupted run goes on from the checkpoint in `progress/`. Figures along the way go to `metrics.jsonl`.
@@ -99,8 +100,10 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     _save(config, trained.policy, taken, out / DIRECTORY)
 
 
-def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path, report: Report) -> TrainedPolicy:
-    """Do what the method does."""
+def _train(
+    config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path, report: ProgressCallback
+) -> TrainedPolicy:
+    """Train by the method."""
     method, settings = config.method, config.settings
     steps = usual_steps(method, task.layout, settings) if config.steps is None else config.steps
     log = _Log(out / METRICS, method, steps, report)
@@ -111,7 +114,7 @@ def _train(config: Config, task: Task, shown: tuple[Trajectory, ...], out: Path,
         case "chunked-bc":
             return TrainedPolicy(clone_chunks(task, shown, settings.chunks, course), steps)
         case _:
-            judge = _PolicyEvaluator(task, method, config.seed, config.episodes)
+            judge = _PolicyEvaluator(task, method, config.seed, config.rollout_episodes)
             learned = learn_off_policy(task, method, shown, settings, course, judge=judge)
             return TrainedPolicy(learned.policy, 0, learned.control_steps, learned.hopeless)
 
@@ -132,9 +135,9 @@ class _PolicyEvaluator:
 
 
 class _Log:
-    """Writes figures to the stage's journal, and tells them to whoever watches."""
+    """Appends figures to the stage's journal and reports them as progress."""
 
-    def __init__(self, path: Path, method: Method, steps: int, report: Report) -> None:
+    def __init__(self, path: Path, method: Method, steps: int, report: ProgressCallback) -> None:
         self._journal = Journal(path, ("step",))
         self._name, self._steps, self._report = name_of(method), steps, report
 

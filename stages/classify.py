@@ -10,7 +10,7 @@ from roboscribe.classifier import learn_classifier
 from roboscribe.errors import Fail
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.files import REFINEMENT, write_fail, write_json
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_failures, read_tree, refinement_to_json
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
@@ -29,7 +29,7 @@ class Config:
     goal: str
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `refinement.json` with the ranked table, or why nothing separates.
 
     Inputs:

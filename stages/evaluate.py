@@ -6,12 +6,13 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.defaults import CONFIRM, EVALUATION_EPISODES
 from roboscribe.evaluation import measure
 from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json, read_program, write_json
-from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
@@ -25,24 +26,26 @@ class Config:
     Args:
         task: where.
         seed: decides the episodes.
-        episodes: how many.
+        evaluation_episodes: how many.
         confirm: consecutive steps for which a subgoal must hold to count as reached.
     """
 
     task: TaskConfig
     seed: int = 0
-    episodes: int = 500
-    confirm: int = 3
+    evaluation_episodes: int = EVALUATION_EPISODES
+    confirm: int = CONFIRM
 
 
-def record(program: Runnable, task: Task, seed: int, count: int, out: Path, report: Report = silent) -> None:
+def record(
+    program: Runnable, task: Task, seed: int, count: int, out: Path, report: ProgressCallback = ignore_progress
+) -> None:
     """Evaluate a program; write its figures as `outcome.json`, its episodes as `episodes.json`."""
-    evaluation = measure(program, task, seed, count, episode_watch(f"roll out {ROOT}", count, report))
+    evaluation = measure(program, task, seed, count, episode_progress(f"roll out {ROOT}", count, report))
     write_json(out / EPISODES, evaluation.table)
     write_json(out / OUTCOME, evaluation.figures)
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `outcome.json` and `episodes.json`.
 
     Inputs:
@@ -52,7 +55,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    record(program, task, config.seed, config.episodes, out, report)
+    record(program, task, config.seed, config.evaluation_episodes, out, report)
 
 
 STAGE = Stage("evaluate", Config, run)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import execute
+from roboscribe.dsl.observer import Arrivals, Observer
 from roboscribe.dsl.replay import replay
 from roboscribe.envs.panel import RecordedEpisode
 from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
@@ -18,12 +20,12 @@ from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
 from roboscribe.stages.runtime.files import read_json, read_program
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.subtask_tree import ROOT
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.task import Painter, Task, World
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.task import Task
 
 VIDEO = "rollout.mp4"
 
@@ -40,7 +42,7 @@ class Config:
 
     task: TaskConfig
     seed: int = 0
-    confirm: int = 3
+    confirm: int = CONFIRM
 
 
 def record_episodes(
@@ -55,11 +57,19 @@ def record_episodes(
         seeds: (E,) one for each.
         goal: what the program is to reach.
     """
-    recording = _Recording(task)
+    kept = _Snapshots(len(seeds))
     library, limits, confirm = program.library, program.limits, program.confirm
     drawn = np.asarray(seeds, dtype=np.int64)
     rollouts = execute(
-        program.program, library, recording, drawn, limits=limits, batch=1, until_end=goal != ROOT, confirm=confirm
+        program.program,
+        library,
+        task,
+        drawn,
+        limits=limits,
+        batch=1,
+        until_end=goal != ROOT,
+        confirm=confirm,
+        observer=kept,
     )
     return [
         RecordedEpisode(
@@ -70,7 +80,7 @@ def record_episodes(
             title=f"episode {episode}",
         )
         for episode, trajectory, snapshots, solved in zip(
-            episodes, rollouts.trajectories, recording.episodes, rollouts.success, strict=True
+            episodes, rollouts.trajectories, kept.by_episode, rollouts.success, strict=True
         )
     ]
 
@@ -114,7 +124,7 @@ def film(
     return write_video(frames, out, task.frequency / every * (SLOW if how.slow else 1.0))
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `rollout.mp4`, or `rollout.gif` where no encoder is found.
 
     Inputs:
@@ -128,69 +138,16 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     film(program, task, shown, out / VIDEO)
 
 
-class _Recording(Task):
-    """A task whose only world keeps a snapshot of every state that it shows."""
+class _Snapshots(Observer):
+    """Keeps the simulator's state at every state of every episode."""
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.name: str = task.name
-        self.action_size: int = task.action_size
-        self.horizon: int = task.horizon
-        self.frequency: float = task.frequency
-        self.episodes: list[list[FloatArray]] = []
-        """Snapshots of every episode, in the order in which they were run."""
+    def __init__(self, episodes: int) -> None:
+        self.by_episode: list[list[FloatArray]] = [[] for _ in range(episodes)]
 
-    @property
-    def layout(self) -> Layout:
-        return self.task.layout
-
-    def solved(self, states: FloatArray) -> BoolArray:
-        return self.task.solved(states)
-
-    def world(self, batch: int) -> World:
-        return _RecordingWorld(self.task.world(batch), self.episodes)
-
-    def painter(self, width: int, height: int) -> Painter | None:
-        return self.task.painter(width, height)
-
-
-@dataclass
-class _RecordingWorld:
-    """A world of one row that notes a snapshot after every reset and step."""
-
-    inner: World
-    episodes: list[list[FloatArray]]
-
-    def __post_init__(self) -> None:
-        self.batch: int = self.inner.batch
-        self.control_steps: int = 0
-
-    def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
-        states = self.inner.reset(rows, seeds)
-        self.episodes.append([])
-        self._note(rows)
-        return states
-
-    def step(self, rows: IntArray, actions: FloatArray) -> FloatArray:
-        states = self.inner.step(rows, actions)
-        self.control_steps = self.inner.control_steps
-        self._note(rows)
-        return states
-
-    def observe(self, rows: IntArray) -> FloatArray:
-        return self.inner.observe(rows)
-
-    def diverged(self, rows: IntArray) -> BoolArray:
-        return self.inner.diverged(rows)
-
-    def save(self, rows: IntArray) -> FloatArray:
-        return self.inner.save(rows)
-
-    def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
-        return self.inner.load(rows, snapshots)
-
-    def _note(self, rows: IntArray) -> None:
-        self.episodes[-1].append(self.inner.save(rows)[0])
+    def see(self, arrivals: Arrivals) -> BoolArray:
+        for episode, snapshot in zip(arrivals.episodes, arrivals.world.save(arrivals.rows), strict=True):
+            self.by_episode[episode].append(snapshot)
+        return super().see(arrivals)
 
 
 STAGE = Stage("film", Config, run)

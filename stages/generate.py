@@ -11,7 +11,7 @@ from roboscribe.io.atomic import write_file
 from roboscribe.program_gen import gen_program
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.files import PROGRAM, program_bytes, write_fail
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_tree
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
@@ -33,7 +33,7 @@ class Config:
     name: str = "P"
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `program.txt`, or why there is no program.
 
     Inputs:

@@ -11,7 +11,7 @@ from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.validation import screen
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.files import write_fail, write_json
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig, load_demonstrations
 
@@ -31,7 +31,7 @@ class Config:
     least: int = 2
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write the kept demonstrations and `report.json`, or why nothing can be learned from them.
 
     Inputs:

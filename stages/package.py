@@ -6,13 +6,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import save_program
 from roboscribe.programs import saved_form
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
 from roboscribe.stages.runtime.files import read_json, read_program
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_tree
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -36,12 +37,12 @@ class Config:
     task: TaskConfig
     profile: str
     seed: int
-    confirm: int = 3
+    confirm: int = CONFIRM
     demonstrations: str = ""
     command: str = ""
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write the directory `program/`.
 
     Inputs:

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from roboscribe.abstraction_refinement import Outcome
+from roboscribe.defaults import CONFIRM, ROLLOUT_EPISODES
 from roboscribe.evaluation import episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
 from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
 from roboscribe.stages.runtime.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
-from roboscribe.stages.runtime.progress import Report, episode_watch, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.serialization import failures_bytes
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -30,18 +31,18 @@ class Config:
         task: where.
         goal: node that the program is to reach; ψ_R is the task itself.
         seed: decides the episodes.
-        episodes: how many.
+        rollout_episodes: how many.
         confirm: consecutive steps for which a subgoal must hold to count as reached.
     """
 
     task: TaskConfig
     goal: str = ROOT
     seed: int = 0
-    episodes: int = 100
-    confirm: int = 3
+    rollout_episodes: int = ROLLOUT_EPISODES
+    confirm: int = CONFIRM
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `outcome.json`, `episodes.json` and `failures.safetensors`.
 
     Inputs:
@@ -51,8 +52,10 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
     task = config.task.make()
     library = read_library(inputs["controllers"], inputs["weights"], task)
     program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
-    seeds = episode_seeds(config.seed, f"roll out {config.goal}", config.episodes)
-    done = list(waves(program, task, seeds, config.goal, episode_watch(f"roll out {config.goal}", len(seeds), report)))
+    seeds = episode_seeds(config.seed, f"roll out {config.goal}", config.rollout_episodes)
+    done = list(
+        waves(program, task, seeds, config.goal, episode_progress(f"roll out {config.goal}", len(seeds), report))
+    )
     failures = np.concatenate([Outcome.of(rollouts).failures for rollouts in done])
     write_file(out / FAILURES, failures_bytes(failures))
     write_json(out / EPISODES, episode_table(done, seeds))

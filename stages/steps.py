@@ -14,10 +14,9 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
-from roboscribe.rl.config import TrainConfig
 from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
 from roboscribe.stages.runtime import controller_files
-from roboscribe.stages.runtime.events import Abandoned, Listener, Programmed, Refined, Removed, RolledOut, Trained
+from roboscribe.stages.runtime.events import Abandoned, EventCallback, Programmed, Refined, Removed, RolledOut, Trained
 from roboscribe.stages.runtime.files import (
     EPISODES,
     FAILURES,
@@ -38,7 +37,8 @@ from roboscribe.stages.runtime.serialization import (
     refinement_to_json,
 )
 from roboscribe.stages.runtime.store import METRICS, AnyStage, Inputs
-from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
+from roboscribe.stages.runtime.task_config import load_evidence
 from roboscribe.steps import Decision, Outcome, Steps, explained
 from roboscribe.strips import Strips, strips
 from roboscribe.subtask_tree import ROOT, Tree
@@ -47,7 +47,7 @@ from roboscribe.world.layout import FloatArray
 
 
 class RunStage(Protocol):
-    """Runs a stage under a name that tells a reader what it is for; returns the directory of its outputs."""
+    """Runs a stage under a readable name; returns the directory of its outputs."""
 
     def __call__(self, label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
         """Run or find the outputs."""
@@ -55,27 +55,6 @@ class RunStage(Protocol):
 
 StoreValue: TypeAlias = Callable[[str, bytes], Path]
 """Stores a small value as a file, see `Store.put`."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """What all steps of one synthesis share.
-
-    Args:
-        task: where.
-        seed: decides everything.
-        name: what the program is called.
-        training: settings of the learners.
-        episodes: episodes per rollout of Algorithm 2.
-        demonstrations: a Parquet file.
-    """
-
-    task: TaskConfig
-    seed: int
-    name: str
-    training: TrainConfig
-    episodes: int
-    demonstrations: Path
 
 
 @dataclass(frozen=True)
@@ -105,10 +84,11 @@ class ControllerFiles:
 class StagedSteps:
     """Turns values into files, calls stages, and turns files back into values."""
 
-    setting: Setting
+    plan: SynthesisPlan
+    demonstrations: Path
     call: RunStage
     put: StoreValue
-    tell: Listener
+    tell: EventCallback
 
     def steps(self) -> Steps[ControllerFiles]:
         """Return the pieces of Algorithm 2."""
@@ -128,11 +108,11 @@ class StagedSteps:
     @property
     def evidence(self) -> Evidence:
         """Demonstrations as the algorithms use them."""
-        return load_evidence(self.setting.demonstrations, self.setting.task)
+        return load_evidence(self.demonstrations, self.plan.task)
 
     def generate(self, goal: str, tree: Tree) -> Program | Fail:
         """GENPROGRAM."""
-        config = generate.Config(self.setting.task, goal, self.setting.name)
+        config = generate.Config(self.plan.task, goal, self.plan.program_name)
         out = self.call(f"generate program for {goal}", generate.STAGE, config, self.shown(tree))
         return read_fail(out) or read_program(out / PROGRAM)
 
@@ -144,9 +124,9 @@ class StagedSteps:
         """
         self.tell(Programmed(goal, program))
         now = grounds(tree, program)
-        afresh, setting = stale(now, library.grounds), self.setting
+        afresh, plan = stale(now, library.grounds), self.plan
         new = [name for name in now if name not in library.grounds or name in afresh]
-        config = train.Config(setting.task, goal, setting.seed, setting.training, afresh, goal == ROOT)
+        config = train.Config(plan.task, goal, plan.seed, plan.training, afresh, goal == ROOT)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
@@ -155,28 +135,28 @@ class StagedSteps:
 
     def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""
-        out = self._roll_out(f"roll out {goal}", program, goal, library, self.setting.episodes)
+        out = self._roll_out(f"roll out {goal}", program, goal, library, self.plan.rollout_episodes)
         self.tell(RolledOut(goal, read_json(out / OUTCOME), out / EPISODES))
         return read_outcome(out)
 
     def check(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P) for a few episodes."""
-        episodes = min(CHECKED, self.setting.episodes)
+        episodes = min(CHECKED, self.plan.rollout_episodes)
         return read_outcome(self._roll_out("check a shorter program", program, goal, library, episodes))
 
     def _roll_out(self, label: str, program: Program, goal: str, library: ControllerFiles, episodes: int) -> Path:
-        setting = self.setting
-        config = roll_out.Config(setting.task, goal, setting.seed, episodes, setting.training.confirm)
+        plan = self.plan
+        config = roll_out.Config(plan.task, goal, plan.seed, episodes, plan.training.confirm)
         return self.call(label, roll_out.STAGE, config, {"program": self.program(program), **library.runnable()})
 
     def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:
         """LEARNCLASSIFIER."""
         inputs = {**self.shown(tree), "failures": self.put(FAILURES, failures_bytes(failures))}
-        out = self.call(f"classify {goal}", classify.STAGE, classify.Config(self.setting.task, goal), inputs)
+        out = self.call(f"classify {goal}", classify.STAGE, classify.Config(self.plan.task, goal), inputs)
         return read_fail(out) or read_refinement(out / REFINEMENT)
 
     def decided(self, decision: Decision) -> None:
-        """Tell what Algorithm 1 decides."""
+        """Pass on what Algorithm 1 decides, as events."""
         match decision:
             case core.Refined(refinement, tree, count, shown):
                 path = self.json(REFINEMENT, refinement_to_json(refinement))
@@ -189,8 +169,8 @@ class StagedSteps:
                 assert_never(decision)
 
     def strips(self, refinement: Refinement, tree: Tree) -> Strips:
-        """See where a subgoal holds along the demonstrations."""
-        frequency = self.setting.task.make().frequency
+        """Compute where a subgoal holds along the demonstrations."""
+        frequency = self.plan.task.make().frequency
         return strips(refinement.node.name, refinement.psi, tree, self.evidence, frequency)
 
     def update_tree(self, tree: Tree, refinement: Refinement) -> Tree:
@@ -202,11 +182,11 @@ class StagedSteps:
     def validate(self, tree: Tree) -> Fail | None:
         """VALIDATE."""
         label = f"validate tree of {len(tree.edges)} edges"
-        return read_fail(self.call(label, validate.STAGE, validate.Config(self.setting.task), self.shown(tree)))
+        return read_fail(self.call(label, validate.STAGE, validate.Config(self.plan.task), self.shown(tree)))
 
     def shown(self, tree: Tree) -> dict[str, Path]:
         """Return demonstrations and tree as inputs."""
-        return {"demonstrations": self.setting.demonstrations, "tree": self.tree(tree)}
+        return {"demonstrations": self.demonstrations, "tree": self.tree(tree)}
 
     def tree(self, tree: Tree) -> Path:
         """Return a tree as a file."""

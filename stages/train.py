@@ -16,7 +16,7 @@ from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library, write_library
 from roboscribe.stages.runtime.files import read_program, write_json
 from roboscribe.stages.runtime.journal import Journal
-from roboscribe.stages.runtime.progress import Progress, Report, silent
+from roboscribe.stages.runtime.progress import Progress, ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_tree
 from roboscribe.stages.runtime.store import METRICS, PROGRESS, Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
@@ -33,7 +33,7 @@ class Config:
         task: where.
         goal: node that the program is to reach.
         seed: decides everything.
-        settings: of the learners.
+        training: settings of the learners.
         afresh: controllers of the library that are to be trained again.
         solve: whether the program is to bring ψ_R about, not only to reach its end.
     """
@@ -41,12 +41,12 @@ class Config:
     task: TaskConfig
     goal: str = ROOT
     seed: int = 0
-    settings: TrainConfig = field(default_factory=TrainConfig)
+    training: TrainConfig = field(default_factory=TrainConfig)
     afresh: tuple[str, ...] = ()
     solve: bool = True
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write the library, each controller's step limit, and how each new skill was learned.
 
     An interrupted run goes on from the checkpoints in `progress/`. Figures along the way go to `metrics.jsonl`.
@@ -68,10 +68,10 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         read_tree(inputs["tree"]),
         shown,
         known,
-        config.settings,
+        config.training,
         config.seed,
-        solve=config.goal == ROOT,
-        log=_Log(out / METRICS, config.settings, report),
+        solve=config.solve,
+        log=_Log(out / METRICS, config.training, report),
         checkpoints=out / PROGRESS,
     )
     write_library(out, grown)
@@ -80,11 +80,11 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
 
 
 class _Log:
-    """Writes figures to the stage's journal, and tells them to whoever watches."""
+    """Appends figures to the stage's journal and reports them as progress."""
 
-    def __init__(self, path: Path, settings: TrainConfig, report: Report) -> None:
+    def __init__(self, path: Path, training: TrainConfig, report: ProgressCallback) -> None:
         self._journal = Journal(path, ("controller", "step", "names"))
-        self._settings = settings
+        self._training = training
         self._report = report
 
     def __call__(self, controller: str, metrics: Mapping[str, float], step: int) -> None:
@@ -94,7 +94,7 @@ class _Log:
         time, first = told["time"], told["metrics"]
         assert isinstance(time, int)
         assert isinstance(first, Mapping)
-        budget = self._settings.opaque_budget if controller == OPAQUE else self._settings.budget
+        budget = self._training.opaque_budget if controller == OPAQUE else self._training.budget
         known = {name: float(str(value)) for name, value in first.items()}
         self._report(Progress(controller, step, budget, "steps", known, time))
 

@@ -8,11 +8,12 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, PROGRAM, TREE, load_program
 from roboscribe.saved import open_saved
 from roboscribe.stages.evaluate import record
 from roboscribe.stages.runtime import cli
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 
@@ -27,12 +28,12 @@ class Config:
     Args:
         task: where.
         seed: decides the episodes.
-        episodes: how many.
+        evaluation_episodes: how many.
     """
 
     task: TaskConfig
     seed: int = 0
-    episodes: int = 500
+    evaluation_episodes: int = EVALUATION_EPISODES
 
 
 def inputs_of(directory: Path) -> dict[str, Path]:
@@ -40,7 +41,7 @@ def inputs_of(directory: Path) -> dict[str, Path]:
     return {name: directory / file for name, file in FILES.items()}
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `outcome.json` and `episodes.json`.
 
     Inputs:
@@ -51,7 +52,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> N
         for name, file in FILES.items():  # a program is loaded from one directory, wherever its files lie here
             shutil.copyfile(inputs[name], Path(scratch) / file)
         program = open_saved(load_program(Path(scratch)), task, str(inputs["controllers"]))
-    record(program, task, config.seed, config.episodes, out, report)
+    record(program, task, config.seed, config.evaluation_episodes, out, report)
 
 
 STAGE = Stage("transfer", Config, run)

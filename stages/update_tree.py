@@ -8,7 +8,7 @@ from pathlib import Path
 
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.files import TREE, write_json
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_refinement, read_tree
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.subtask_tree import update_tree
@@ -20,7 +20,7 @@ class Config:
     """Nothing to set."""
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `tree.json`.
 
     Inputs:

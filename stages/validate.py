@@ -8,7 +8,7 @@ from pathlib import Path
 
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.files import write_fail, write_json
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.serialization import read_tree
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig, load_evidence
@@ -22,7 +22,7 @@ class Config:
     task: TaskConfig
 
 
-def run(config: Config, inputs: Inputs, out: Path, report: Report = silent) -> None:
+def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
     """Write `valid.json`, or why the tree cannot be right.
 
     Inputs:

@@ -11,10 +11,11 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-WORLD = {"errors", "world"}
+WORLD = {"defaults", "errors", "world"}
 LANGUAGE = WORLD | {"dsl"}
 TREE = LANGUAGE | {"search", "subtask_tree", "evidence"}
 LAYERS = {
+    "defaults": set(),
     "errors": set(),
     "world": {"errors"},
     "dsl": WORLD,

@@ -154,3 +154,11 @@ def test_it_is_what_remains_where_nothing_better_is_found() -> None:
     answer = solved(story, Limits(patience=4))
     assert [n.name for n in answer.tree.nodes[len(Tree().nodes) :]] == ["at"]
     assert answer.rate == 0.9
+
+
+def test_what_is_worse_by_degrees_alone_comes_before_another_way_with_what_was_taken() -> None:
+    """The first is reached as often as not; before it is refined, the second is tried, which explains as much."""
+    reached = {("at", "at"): 12, ("hold", "at hold"): 20, ("other", "other"): 20}
+    story = Story({**reached, **root(10, "at"), **root(20, "other")}, {ROOT: [AT1, OTHER], "at": [HOLD1]})
+    assert [r.node.name for r in solved(story).refinements] == ["other"]
+    assert ("hold", "at hold") not in story.asked

@@ -6,20 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.pipelines.commands.options import HomeDir, JsonFile
+from roboscribe.pipelines.commands.output import FAIL, console, make_room, say, write_result
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
 
-NO_RESULT = 3
-"""Exit code where nothing can be learned from the demonstrations."""
 METHOD_HELP = "bc, chunked-bc, deepset, gail, goalgail or rlpd"
 STEPS_HELP = "gradient steps of bc and chunked-bc, control steps of the others; left out: what is usual"
 app = typer.Typer()
-console = Console(highlight=False)
 
 
 @app.command()
@@ -32,7 +29,7 @@ def baseline(
     engine: Annotated[str, typer.Option(help="what runs the stages: prefect or local")] = "prefect",
     out: Annotated[Path | None, typer.Option("--out", help="directory for the policy")] = None,
     json: JsonFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = 500,
+    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
     contact: Annotated[str, typer.Option(help="contact model: stable or paper")] = "stable",
     timing: Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")] = "fast",
     home: HomeDir = Path(),
@@ -40,7 +37,6 @@ def baseline(
     """Train and measure what programs are compared with; the same command goes on where it was interrupted."""
     from roboscribe.baselines.config import method_named
     from roboscribe.errors import Fail
-    from roboscribe.io.atomic import indented_json, write_file
     from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun, engine_named
     from roboscribe.pipelines.callbacks import Callbacks
     from roboscribe.pipelines.progress_bar import ProgressBar
@@ -49,19 +45,16 @@ def baseline(
 
     where = TaskConfig(task, contact, timing)
     where.make()
-    plan = BaselinePlan(method_named(method), where, seed, steps, demos, episodes=episodes)
-    for path in (out, json):
-        if path is not None:
-            path.resolve().parent.mkdir(parents=True, exist_ok=True)
+    plan = BaselinePlan(method_named(method), where, seed, steps, demos, evaluation_episodes=episodes)
+    make_room(out, json)
     with ProgressBar(console) as bar:
         session = BaselineRun(plan, Workspace(home), engine_named(engine), out)
-        result = session.run(Callbacks(bar.begin, lambda event: None, bar.watch))
+        result = session.run(Callbacks(bar.on_stage, lambda event: None, bar.on_progress))
     if isinstance(result, Fail):
-        console.print(Text(f"FAIL: {result.reason}"), soft_wrap=True)
-        raise typer.Exit(NO_RESULT)
+        say(f"FAIL: {result.reason}")
+        raise typer.Exit(FAIL)
     _tell(result)
-    if json is not None:
-        write_file(json, indented_json(result).encode())
+    write_result(json, result)
 
 
 def _tell(result: dict[str, Json]) -> None:
@@ -73,4 +66,4 @@ def _tell(result: dict[str, Json]) -> None:
         lines.append(f"given up: no success in any evaluation of {result['env_steps']} control steps")
     spent = f"{result['env_steps']} control steps, {result['gradient_steps']} gradient steps"
     lines += [f"{spent}, {result['wall_seconds']} s", f"policy {result['program_dir']}"]
-    console.print(Text("\n".join([*lines, f"MLflow run {result['mlflow_run_id']}"])), soft_wrap=True)
+    say("\n".join([*lines, f"MLflow run {result['mlflow_run_id']}"]))

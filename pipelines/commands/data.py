@@ -8,22 +8,21 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 from typer.core import TyperGroup
 
 from roboscribe.pipelines.commands.options import JsonFile
+from roboscribe.pipelines.commands.output import console, make_room, refuse, say, write_result
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
     from roboscribe.io.formats.transfer import Transferred
     from roboscribe.world import Task
 
-BAD_INPUT = 2
 COLLECT = "collect"
 FORMATS_HELP = "lerobot (v3), robomimic, minari, csv or npz; left out: told from the file"
 TASK_HELP = "a name that `roboscribe tasks` lists; left out: what the file says"
@@ -44,7 +43,6 @@ demonstrations = typer.Typer(
     no_args_is_help=True,
     help="Collect demonstrations (`roboscribe demos TASK --out FILE`), check a file of them, or say what it holds.",
 )
-console = Console(highlight=False)
 Format = Annotated[str | None, typer.Option("--format", help=FORMATS_HELP)]
 TaskOption = Annotated[str | None, typer.Option("--task", help=TASK_HELP)]
 OurFile = Annotated[Path, typer.Argument(help="demonstrations in our Parquet", metavar="FILE")]
@@ -76,8 +74,8 @@ def ingest(
         _write_suggestion(file, shown, chosen.name, mapping, episode)
         return
     if out is None:
-        _refuse("--out is missing: the Parquet file to write")
-    _make_room(out)
+        raise typer.Exit(refuse("--out is missing: the Parquet file to write"))
+    make_room(out)
     done = read_in(file, shown, chosen, mapping, out)
     _report(done, shown, out)
 
@@ -94,7 +92,7 @@ def export(
     from roboscribe.io.formats.transfer import format_of
 
     chosen, shown = format_of(file, kind), _task_of(file, task)
-    _make_room(out)
+    make_room(out)
     _report(write_out(file, shown, chosen, out), shown, out)
 
 
@@ -105,26 +103,24 @@ def check(file: OurFile, task: TaskOption = None) -> None:
 
     found = inspect(file, _task_of(file, task))
     for line in (*found.problems, *found.remarks):
-        _say(line)
+        say(line)
     if found.metadata:
-        _say(f"\nThis gives the file the metadata that it should have:\n\n{found.recipe(file)}")
+        say(f"\nThis gives the file the metadata that it should have:\n\n{found.recipe(file)}")
     if found.problems:
         many = "s" * (len(found.problems) > 1)
-        _refuse(f"{file}: {len(found.problems)} problem{many}")
-    _say(f"{file}: nothing is wrong with it")
+        raise typer.Exit(refuse(f"{file}: {len(found.problems)} problem{many}"))
+    say(f"{file}: nothing is wrong with it")
 
 
 @demonstrations.command()
 def info(file: OurFile, task: TaskOption = None, json: JsonFile = None) -> None:
     """Say what a file holds: task, episodes, lengths, objects, the range of every column, where it comes from."""
-    from roboscribe.io.atomic import indented_json, write_file
     from roboscribe.io.inspection import describe_file
 
     found = describe_file(file, _task_of(file, task))
     _show(found)
-    if json is not None:
-        _make_room(json)
-        write_file(json, indented_json(found).encode())
+    make_room(json)
+    write_result(json, found)
 
 
 def _show(found: dict[str, Json]) -> None:
@@ -145,7 +141,7 @@ def _show(found: dict[str, Json]) -> None:
         table.add_row(*map(Text, (name, str(column["unit"]), _numbers(column["min"]), _numbers(column["max"]))))
     console.print(table)
     for remark in remarks:
-        _say(str(remark))
+        say(str(remark))
 
 
 def _numbers(values: Json) -> str:
@@ -165,18 +161,20 @@ def _write_suggestion(file: Path, task: Task, kind: str, mapping: Path | None, e
         sys.stdout.write(text)
         return
     if mapping.exists():
-        _refuse(f"{mapping}: exists already, expected a new file; a mapping may have been corrected by hand")
-    _make_room(mapping)
+        raise typer.Exit(
+            refuse(f"{mapping}: exists already, expected a new file; a mapping may have been corrected by hand")
+        )
+    make_room(mapping)
     write_file(mapping, text.encode())
-    _say(f"{mapping}: look it through, then: roboscribe ingest {file} --task {task.name} --map {mapping} --out FILE")
+    say(f"{mapping}: look it through, then: roboscribe ingest {file} --task {task.name} --map {mapping} --out FILE")
 
 
 def _report(done: Transferred, task: Task, out: Path) -> None:
     """Say what was written, and what is odd about it."""
     for remark in done.remarks:
-        _say(remark)
+        say(remark)
     digest = f", SHA-256 {done.digest}" if done.digest else ""
-    _say(f"{done.episodes} demonstrations of {task.name} ({done.frames} frames) in {out}{digest}")
+    say(f"{done.episodes} demonstrations of {task.name} ({done.frames} frames) in {out}{digest}")
 
 
 def _task(name: str) -> Task:
@@ -191,19 +189,3 @@ def _task_of(file: Path, name: str | None) -> Task:
     from roboscribe.io.demonstrations import task_of
 
     return _task(task_of(file) if name is None else name)
-
-
-def _make_room(path: Path) -> None:
-    """Make the directory in which a result goes."""
-    path.resolve().parent.mkdir(parents=True, exist_ok=True)
-
-
-def _refuse(message: str) -> NoReturn:
-    """End with one line on standard error and the exit code of bad input."""
-    sys.stderr.write(f"error: {message}\n")
-    raise typer.Exit(BAD_INPUT)
-
-
-def _say(line: str) -> None:
-    """Print text as it is."""
-    console.print(Text(line), soft_wrap=True)

@@ -7,28 +7,27 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from roboscribe.pipelines.commands.options import RUN_HELP, HomeDir, JsonFile
+from roboscribe.pipelines.commands.output import console, say
 
 app = typer.Typer()
-console = Console(highlight=False)
 RunName = Annotated[str, typer.Argument(help=RUN_HELP, metavar="RUN")]
 RunNames = Annotated[list[str], typer.Argument(help=f"{RUN_HELP}; several are shown side by side", metavar="RUN...")]
 
 
 @app.command()
 def runs(json: JsonFile = None, home: HomeDir = Path()) -> None:
-    """List the syntheses of this home, the latest first; any beginning of a run's name will do elsewhere."""
+    """List the syntheses of this home, the latest first; other commands take any unique beginning of a run's name."""
     from roboscribe.pipelines.runs.lookup import list_runs
     from roboscribe.pipelines.runs.table import columns, summary, write_summaries
     from roboscribe.pipelines.workspace import Workspace
 
     found = [summary(run) for run in list_runs(Workspace(home))]
     for line in columns(found) if found else [f"no runs in {Workspace(home).data}"]:
-        console.print(Text(line), soft_wrap=True)
+        say(line)
     write_summaries(json, found)
 
 
@@ -36,7 +35,7 @@ def runs(json: JsonFile = None, home: HomeDir = Path()) -> None:
 def show(run: RunName, home: HomeDir = Path()) -> None:
     """Tell how a run went: what was tried, how often it succeeded, which subgoals were chosen and why."""
     from roboscribe.pipelines.console import SynthesisConsole
-    from roboscribe.pipelines.report.chapters import chapters
+    from roboscribe.pipelines.report.chapters import read_chapters
     from roboscribe.pipelines.report.figures import figures
     from roboscribe.pipelines.runs.lookup import open_run
     from roboscribe.pipelines.workspace import Workspace
@@ -46,11 +45,11 @@ def show(run: RunName, home: HomeDir = Path()) -> None:
             console.print(Text("how this program was found is not known here; the program as it is:\n"))
             console.print(Text(found.program.program_text if found.program is not None else "", style="bold"))
         else:
-            with SynthesisConsole(console) as story:
-                for told in found.account.told:
-                    story.listen(told.event)
+            with SynthesisConsole(console) as chapters:
+                for told in found.account.entries:
+                    chapters.on_event(told.event)
         table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
-        for name, value in figures(found, chapters(found.account)).items():
+        for name, value in figures(found, read_chapters(found.account)).items():
             table.add_row(Text(name), Text(value, overflow="fold"))
         console.print(table)
 
@@ -83,4 +82,4 @@ def report(
     with ExitStack() as stack, console.status("writing the report"):
         found = [stack.enter_context(open_run(name, Workspace(home))) for name in run]
         write_report(found, out, films)
-    console.print(Text(f"{out}: {out.stat().st_size / 1e6:.1f} MB, open it in a browser"), soft_wrap=True)
+    say(f"{out}: {out.stat().st_size / 1e6:.1f} MB, open it in a browser")

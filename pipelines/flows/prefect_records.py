@@ -1,4 +1,4 @@
-"""What Prefect must know before its server ends: it learns of task runs by events that it handles in its own time."""
+"""Waiting until Prefect has recorded what happened: it handles events of task runs asynchronously."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def wait_for_records(flow_run: UUID, tasks: int) -> bool:
 
 @contextmanager
 def recording_to(server: PrefectServer) -> Iterator[None]:
-    """Let flows within report to a server, once it answers, and have told it all when they are over.
+    """Connect the flows within to a server once it answers; wait until everything is recorded when they are over.
 
     Raises:
         KeyboardInterrupt: the process was asked to end, in whatever words Prefect says so.

@@ -1,4 +1,4 @@
-"""Prefect's server for the time of one run: it starts beside other work, hears no Ctrl-C, and ends with its owner.
+"""Prefect's server for one run: it starts in the background, ignores Ctrl-C, and ends with its owner.
 
 Prefect's own temporary server belongs to the terminal's process group, so that Ctrl-C ends it before the run that
 still talks to it, and outlives a run that is killed. This one is a session of its own and reads a pipe that only its
@@ -52,7 +52,7 @@ class PrefectServer:
     log: Path = Path()
 
     def wait(self, seconds: float = PATIENCE) -> None:
-        """Wait until the server answers; the user's own is asked no questions.
+        """Wait until our server answers; a server of the user's own is not checked.
 
         Raises:
             RoboScribeError: it ended, or does not answer in time.
@@ -119,12 +119,12 @@ def _start(home: Path) -> PrefectServer:
 
 
 def _environment(own: Mapping[str, str]) -> dict[str, str]:
-    """Say what the server's settings are: ours, and none that names another server."""
+    """Return the server's environment: ours, and nothing that names another server."""
     return {name: value for name, value in own.items() if name != "PREFECT_API_URL"} | TEMPORARY
 
 
 def _answers(url: str) -> bool:
-    """Whether a server is there; one that listens but is not ready yet lets the question wait."""
+    """Whether a server answers; one that listens but is not ready yet delays the answer."""
     connection = HTTPConnection(urlsplit(url).netloc, timeout=1.0)
     try:
         connection.request("GET", f"{urlsplit(url).path}/health")

@@ -11,15 +11,16 @@ from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
 from roboscribe.pipelines.flows.prefect_records import recording_to, wait_for_records
 from roboscribe.pipelines.flows.prefect_server import PrefectServer
-from roboscribe.pipelines.synthesis_pipeline import Plan, SynthesisResult, run_pipeline
+from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, run_pipeline
 from roboscribe.stages.runtime.configuration import encode
-from roboscribe.stages.runtime.events import Listener
+from roboscribe.stages.runtime.events import EventCallback
 from roboscribe.stages.runtime.store import AnyStage, Inputs
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.steps import RunStage, StoreValue
 
 
 def synthesize_with_prefect(
-    title: str, plan: Plan, call: RunStage, put: StoreValue, tell: Listener, server: PrefectServer
+    title: str, plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: EventCallback, server: PrefectServer
 ) -> SynthesisResult | Fail:
     """Run `run_pipeline` as a flow whose stages are named task runs; results do not pass through Prefect.
 

@@ -61,7 +61,7 @@ def run_cells(
     if not cells:
         return []
     if runner.parallel:
-        configure_prefect(context.home.data / "prefect")
+        configure_prefect(context.workspace.data / "prefect")
         from roboscribe.pipelines.paper.cluster import compute_with_dask
 
         compute_with_dask(title, cells, context, runner.workers, runner.address)
@@ -79,7 +79,7 @@ def run_cells(
             for number in range(len(cells)):
                 compute(number)
         else:
-            with prefect_server(context.home.data / "prefect") as server:
+            with prefect_server(context.workspace.data / "prefect") as server:
                 from roboscribe.pipelines.flows.measurement import measure_with_prefect
 
                 measure_with_prefect(title, [str(cell) for cell in cells], compute, server)
@@ -87,5 +87,5 @@ def run_cells(
 
 
 def no_callbacks() -> Callbacks:
-    """Return an audience that does not listen: what happens in other processes is not told here."""
+    """Return callbacks that do nothing, for cells that are computed in other processes."""
     return Callbacks(lambda label: None, lambda event: None, lambda progress: None)

@@ -14,22 +14,23 @@ from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan
-from roboscribe.pipelines.synthesis_run import ControlStepCounter, SynthesisRun
+from roboscribe.pipelines.synthesis_run import SynthesisRun
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages import baseline, collect, evaluate, transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
 from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
 from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json
 from roboscribe.stages.runtime.store import TIMING, Inputs, Stage, Store
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS
 from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
 
-CHECKED = baseline.Config.episodes
+CHECKED = baseline.Config.rollout_episodes
 """Episodes of each evaluation during the training of a baseline."""
 
 
@@ -38,17 +39,17 @@ class CellContext:
     """Where cells are computed.
 
     Args:
-        home: whose store keeps them.
+        workspace: whose store keeps them.
         track: whether MLflow is told of the syntheses and trainings in them.
     """
 
-    home: Workspace
+    workspace: Workspace
     track: bool = True
 
     @property
     def store(self) -> Store:
         """The store of finished stages."""
-        return Store(self.home.data / "stages")
+        return Store(self.workspace.data / "stages")
 
 
 class Cell(Protocol):
@@ -81,8 +82,8 @@ class Transfer:
 
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Measure it."""
-        callbacks.begin(self.label)
-        return context.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), callbacks.watch)
+        callbacks.on_stage(self.label)
+        return context.store.run(transfer.STAGE, self.config, transfer.inputs_of(self.directory), callbacks.on_progress)
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,8 @@ class Synthesis:
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
         plan = planned(self.trial, demonstrations(self.trial, context, callbacks))
-        session = SynthesisRun(plan, context.home, "local", track=context.track)
-        identity = CellConfig(session.key(), self.trial.checked, _own_code())
+        session = SynthesisRun(plan, context.workspace, "local", track=context.track)
+        identity = CellConfig(session.key(), self.trial.rollout_episodes, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
             _synthesize(plan, config.checked, context, callbacks, out)
@@ -145,9 +146,15 @@ class Training:
         trial = self.trial
         given = demonstrations(trial, context, callbacks)
         plan = BaselinePlan(
-            method_named(trial.method), trial.task, trial.seed, trial.budget, given, trial.shown, trial.episodes
+            method_named(trial.method),
+            trial.task,
+            trial.seed,
+            trial.budget,
+            given,
+            trial.n_demonstrations,
+            trial.evaluation_episodes,
         )
-        session = BaselineRun(plan, context.home, "local", track=context.track)
+        session = BaselineRun(plan, context.workspace, "local", track=context.track)
         identity = CellConfig(session.key(), CHECKED, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
@@ -161,16 +168,16 @@ def cell_of(trial: Trial) -> Cell:
     return Synthesis(trial) if trial.method == OURS else Training(trial)
 
 
-def planned(trial: Trial, given: Path | None = None) -> Plan:
+def planned(trial: Trial, given: Path | None = None) -> SynthesisPlan:
     """Plan the synthesis of a trial, as `roboscribe synthesize` does; nothing is filmed."""
     training = TrainConfig() if trial.budget is None else TrainConfig(budget=trial.budget)
-    return Plan(
+    return SynthesisPlan(
         trial.task,
         trial.seed,
         cast(Profile, trial.profile),  # names are checked where options are read
         given,
-        trial.shown,
-        episodes=trial.episodes,
+        trial.n_demonstrations,
+        evaluation_episodes=trial.evaluation_episodes,
         training=training,
         video=False,
     )
@@ -178,17 +185,17 @@ def planned(trial: Trial, given: Path | None = None) -> Plan:
 
 def demonstrations(trial: Trial, context: CellContext, callbacks: Callbacks) -> Path | None:
     """Collect demonstrations of an unusual style; None for usual ones, which the run collects itself."""
-    usual = collect.Config(trial.task, trial.shown, trial.seed)
+    usual = collect.Config(trial.task, trial.n_demonstrations, trial.seed)
     config = replace(usual, style=trial.style, failing=trial.failing)
     if config == usual:
         return None
-    callbacks.begin(f"collect {trial.style} demonstrations")
-    return context.store.run(collect.STAGE, config, {}, callbacks.watch) / DEMONSTRATIONS
+    callbacks.on_stage(f"collect {trial.style} demonstrations")
+    return context.store.run(collect.STAGE, config, {}, callbacks.on_progress) / DEMONSTRATIONS
 
 
 @dataclass
 class SynthesisObserver:
-    """Keeps every program that was trained for the task itself, and when.
+    """Keeps every program that was trained for the task itself, and the seconds it took until then.
 
     Args:
         callbacks: who hears of everything, too.
@@ -216,9 +223,9 @@ class SynthesisObserver:
         """Seconds since the start, or those that the store remembers, where an interruption lies between."""
         return max(self.seconds, perf_counter() - self.start)
 
-    def listen(self, event: Event) -> None:
-        """Hear what happens."""
-        self.counter.listen(event)
+    def on_event(self, event: Event) -> None:
+        """Keep what was trained and counted."""
+        self.counter.on_event(event)
         if not isinstance(event, Evaluated | Packaged):
             self.took = self.elapsed
         match event:
@@ -234,23 +241,25 @@ class SynthesisObserver:
                     self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
             case _:
                 pass
-        self.callbacks.listen(event)
+        self.callbacks.on_event(event)
 
     def _spent(self, out: Path) -> None:
         self.seconds += float(read_json(out / TIMING)["wall_seconds"])
 
 
-def _synthesize(plan: Plan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
+def _synthesize(plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a cell."""
     commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = SynthesisRun(plan, context.home, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
+    session = SynthesisRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
     points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in witness.programs)
     if isinstance(result, Fail):
-        last = Point(witness.counter.env_steps, 0, plan.episodes, witness.took, final=True)
+        last = Point(witness.counter.env_steps, 0, plan.evaluation_episodes, witness.took, final=True)
         record = Record((*points, last), witness.profile, witness.digest, commit, None, NO_PROGRAM, result.reason)
     else:
-        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        last = Point(
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+        )
         refinements = int(str(result["refinements"]))
         record = Record((*points, last), witness.profile, witness.digest, commit, refinements)
     write_record(out, record)
@@ -259,14 +268,16 @@ def _synthesize(plan: Plan, checked: int, context: CellContext, callbacks: Callb
 def _train(plan: BaselinePlan, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a baseline's cell."""
     commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = BaselineRun(plan, context.home, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.begin, witness.listen, callbacks.watch))
+    session = BaselineRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
     profile = RECIPES[plan.method].profile
     if isinstance(result, Fail):
-        last = Point(0, 0, plan.episodes, witness.took, final=True)
+        last = Point(0, 0, plan.evaluation_episodes, witness.took, final=True)
         record = Record((last,), profile, witness.digest, commit, ended=NO_PROGRAM, reason=result.reason)
     else:
-        last = Point(int(str(result["env_steps"])), _successes(result), plan.episodes, witness.took, final=True)
+        last = Point(
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+        )
         ended = GIVEN_UP if result["hopeless"] else ""
         record = Record((*_on_the_way(result["curve"]), last), profile, witness.digest, commit, ended=ended)
     write_record(out, record)
@@ -287,7 +298,7 @@ def _successes(result: Mapping[str, Json]) -> int:
 
 
 def _measured(
-    plan: Plan, checked: int, context: CellContext, callbacks: Callbacks, kept: tuple[int, float, bytes, Path]
+    plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, kept: tuple[int, float, bytes, Path]
 ) -> Point:
     """Measure a program that was trained on the way, on the first of the episodes of the final evaluation."""
     steps, seconds, text, trained = kept
@@ -298,9 +309,9 @@ def _measured(
         "weights": trained / WEIGHTS,
         "limits": trained / LIMITS,
     }
-    callbacks.begin(f"evaluate what was trained after {steps} control steps")
+    callbacks.on_stage(f"evaluate what was trained after {steps} control steps")
     config = evaluate.Config(plan.task, plan.seed, checked, plan.training.confirm)
-    figures = read_json(store.run(evaluate.STAGE, config, inputs, callbacks.watch) / OUTCOME)
+    figures = read_json(store.run(evaluate.STAGE, config, inputs, callbacks.on_progress) / OUTCOME)
     return Point(steps, int(figures["successes"]), int(figures["episodes"]), seconds)
 
 

@@ -8,18 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
-from rich.console import Console
-from rich.text import Text
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir
+from roboscribe.pipelines.commands.output import FAIL, console, make_directory, say
 
 if TYPE_CHECKING:
     from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 
 T = TypeVar("T")
-NO_PROGRAM = 3
-"""Exit code where a synthesis found no program."""
-console = Console(highlight=False)
 paper = typer.Typer(help="Experiments of the paper, beside its results.", no_args_is_help=True)
 
 
@@ -62,7 +59,7 @@ def curves(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -84,7 +81,7 @@ def table1(
     task: Tasks = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -106,7 +103,7 @@ def demos(
     task: Tasks = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -135,7 +132,7 @@ def towers(
     contact: Annotated[
         list[str] | None, typer.Option(help="contact model to measure under; repeatable; left out: stable and paper")
     ] = None,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     program: Programs = None,
@@ -160,7 +157,7 @@ def confined(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     program: Programs = None,
@@ -184,7 +181,7 @@ def everything(
     method: Methods = None,
     profile: Profiles = None,
     seeds: Seeds = 5,
-    episodes: Episodes = 500,
+    episodes: Episodes = EVALUATION_EPISODES,
     budget: Budget = "default",
     quick: Quick = False,
     engine: EngineOption = EngineName.prefect,
@@ -198,16 +195,27 @@ def everything(
     from roboscribe.pipelines.paper.everything import do_everything, expectation
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
-    _say(expectation(options))
+    say(expectation(options))
     done = do_everything(options, _desk(home, engine, runner, workers, dask_address, out), console)
     for name, each in done.items():
-        _say(f"paper {name}: {each.directory or 'no report'}")
+        say(f"paper {name}: {each.directory or 'no report'}")
         for task_name in each.missing:
-            _say(f"  {task_name} not built yet")
+            say(f"  {task_name} not built yet")
         for failure in each.failures:
-            _say(f"  FAIL: {failure}")
+            say(f"  FAIL: {failure}")
     if any(each.failures for each in done.values()):
-        raise typer.Exit(NO_PROGRAM)
+        raise typer.Exit(FAIL)
+
+
+@paper.command()
+def results(
+    out: Annotated[Path, typer.Option("--out", help="directory of the page")] = Path("docs"), home: HomeDir = Path()
+) -> None:
+    """Put the reports in data/paper on one page, with the commands that complete them."""
+    from roboscribe.pipelines.paper.results import write_results
+    from roboscribe.pipelines.workspace import Workspace
+
+    say(str(write_results(Workspace(home).data / "paper", out)))
 
 
 def _options(
@@ -243,7 +251,8 @@ def _desk(
     from roboscribe.pipelines.paper.experiment import ExperimentContext
     from roboscribe.pipelines.workspace import Workspace
 
-    _make_room(out)
+    if out is not None:
+        make_directory(out)
     parallel = runner is RunnerName.dask or bool(address)
     chosen = Runner("local" if engine is EngineName.local else "prefect", workers * parallel, address)
     return ExperimentContext(Workspace(home), chosen, out)
@@ -252,37 +261,16 @@ def _desk(
 def _end(done: ExperimentResult) -> None:
     """Print what was found; exit code 3 where a synthesis found no program."""
     if done.summary:
-        _say(done.summary)
+        say(done.summary)
     else:
         for task in done.missing:
-            _say(f"{task} not built yet")
+            say(f"{task} not built yet")
     for failure in done.failures:
-        _say(f"FAIL: {failure}")
+        say(f"FAIL: {failure}")
     if done.failures:
-        raise typer.Exit(NO_PROGRAM)
-
-
-def _make_room(out: Path | None) -> None:
-    """Make the directory of the report.
-
-    Raises:
-        ArtifactError: it cannot be made.
-    """
-    from roboscribe.errors import ArtifactError
-
-    try:
-        if out is not None:
-            out.resolve().mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        msg = f"{out}: the directory cannot be made ({error.strerror})"
-        raise ArtifactError(msg) from error
+        raise typer.Exit(FAIL)
 
 
 def _several(given: Sequence[T] | None, usual: tuple[T, ...]) -> tuple[T, ...]:
     """Return what was given, each value once, or else what is usual."""
     return tuple(dict.fromkeys(given or usual))
-
-
-def _say(line: str) -> None:
-    """Print text as it is."""
-    console.print(Text(line), soft_wrap=True)

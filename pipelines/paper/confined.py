@@ -38,7 +38,7 @@ from roboscribe.stages.paper.confined import NEW, OLD, ZERO_SHOT, Measurement, t
 from roboscribe.stages.paper.rows import OURS, Trial
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.files import OUTCOME, read_fail, read_json, write_fail, write_json
-from roboscribe.stages.runtime.progress import Report
+from roboscribe.stages.runtime.progress import ProgressCallback
 from roboscribe.stages.runtime.store import TIMING, Inputs, Stage
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
 from roboscribe.stages.tracking.experiment import ChildRun
@@ -86,7 +86,7 @@ def measure_confined(
     with ExitStack() as stack:
         if options.programs:
             given = [
-                _fitting(stack.enter_context(given_program(name, context.home)), experiment)
+                _fitting(stack.enter_context(given_program(name, context.workspace)), experiment)
                 for name in options.programs
             ]
             failures: tuple[str, ...] = ()
@@ -98,7 +98,7 @@ def measure_confined(
                 for each in outcomes
                 if (where := each.directory / DIRECTORY).is_dir()
             ]
-        ways, unexplained = _ways(given, experiment, context, console)
+        ways, unexplained = _variants(given, experiment, context, console)
         measured = _measured(ways, experiment, options, context, console)
     failures = (*failures, *unexplained)
     if not measured:
@@ -118,7 +118,7 @@ def trials_of(experiment: Confinement, options: Options) -> list[Trial]:
             profile if method == OURS else "",
             seed,
             budget_of(method, task, options),
-            episodes=options.episodes,
+            evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
         for method in options.methods or (OURS,)
@@ -134,7 +134,7 @@ def _fitting(given: GivenProgram, experiment: Confinement) -> GivenProgram:
 
 
 @dataclass(frozen=True)
-class Way:
+class GuardVariant:
     """A program with one of its guards, or a policy.
 
     Args:
@@ -191,13 +191,13 @@ class Adaptation:
 
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Learn the guard again; leaves `program/`, or the reason why there is none."""
-        callbacks.begin(str(self))
+        callbacks.on_stage(str(self))
         wanted = collect.Config(TaskConfig(self.task), SHOWN, self.given.seed)
-        shown = context.store.run(collect.STAGE, wanted, {}, callbacks.watch) / DEMONSTRATIONS
+        shown = context.store.run(collect.STAGE, wanted, {}, callbacks.on_progress) / DEMONSTRATIONS
         inputs = {**transfer.inputs_of(self.given.directory), "demonstrations": shown}
         config = AdaptationConfig(self.task, code_version("roboscribe.adapt"), sha256_of(Path(adaptation.__file__)))
 
-        def work(config: AdaptationConfig, inputs: Inputs, out: Path, report: Report) -> None:
+        def work(config: AdaptationConfig, inputs: Inputs, out: Path, report: ProgressCallback) -> None:
             adapted = adapt_saved(self.given.directory, inputs["demonstrations"], config.task)
             if isinstance(adapted, Fail):
                 write_fail(out, adapted)
@@ -208,31 +208,35 @@ class Adaptation:
         return context.store.run(Stage("adapt", AdaptationConfig, work), config, inputs)
 
 
-def _ways(
+def _variants(
     given: Sequence[GivenProgram], experiment: Confinement, context: ExperimentContext, console: Console
-) -> tuple[list[Way], tuple[str, ...]]:
+) -> tuple[list[GuardVariant], tuple[str, ...]]:
     """Adapt every program; returns what is measured, and which guards could not be learned."""
     programs = [each for each in given if each.method == OURS]
     cells = [Adaptation(each, experiment.task) for each in programs]
     outs = run_cells(f"{TITLE}, guards", cells, context.cell_context, context.runner, console)
-    ways = [Way(each, OLD, each.directory) for each in programs]
+    ways = [GuardVariant(each, OLD, each.directory) for each in programs]
     failures = []
     for each, cell, out in zip(programs, cells, outs, strict=True):
         fail = read_fail(out)
         if fail is None:
-            ways.append(Way(each, NEW, out / DIRECTORY, str(read_json(out / SOURCE)["demonstrations"])))
+            ways.append(GuardVariant(each, NEW, out / DIRECTORY, str(read_json(out / SOURCE)["demonstrations"])))
         else:
             failures.append(f"{cell}: {fail.reason}")
-    ways += [Way(each, ZERO_SHOT, each.directory) for each in given if each.method != OURS]
+    ways += [GuardVariant(each, ZERO_SHOT, each.directory) for each in given if each.method != OURS]
     return ways, tuple(failures)
 
 
 def _measured(
-    ways: Sequence[Way], experiment: Confinement, options: Options, context: ExperimentContext, console: Console
+    ways: Sequence[GuardVariant],
+    experiment: Confinement,
+    options: Options,
+    context: ExperimentContext,
+    console: Console,
 ) -> list[Measurement]:
     """Measure every program with either guard, every policy as it is."""
     where = TaskConfig(experiment.task)
-    configs = [transfer.Config(where, way.given.seed, options.episodes) for way in ways]
+    configs = [transfer.Config(where, way.given.seed, options.evaluation_episodes) for way in ways]
     cells = [Transfer(f"{way} on {where.name}", way.directory, c) for way, c in zip(ways, configs, strict=True)]
     outs = run_cells(
         TITLE,
@@ -252,7 +256,7 @@ def _measured(
             seed=way.given.seed,
             way=way.way,
             loop=way.loop,
-            shown=SHOWN if way.way == NEW else 0,
+            n_demonstrations=SHOWN if way.way == NEW else 0,
             demonstrations=way.demonstrations,
             contact=where.contact,
             timing=where.timing,

@@ -46,7 +46,7 @@ def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) ->
             profile,
             seed,
             budget_of(method, task, options),
-            episodes=options.episodes,
+            evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
         for task, (method, profile), seed in product(tasks, pairs, range(options.seeds))
@@ -86,13 +86,15 @@ def _elsewhere(outcomes: Sequence[Outcome], context: ExperimentContext, console:
     rows: list[Row] = []
     for each, trial, out in zip(found, trials, outs, strict=True):
         figures, last = read_json(out / OUTCOME), each.record.points[-1]
-        point = Point(last.control_steps, int(figures["successes"]), trial.episodes, last.seconds, final=True)
+        point = Point(
+            last.control_steps, int(figures["successes"]), trial.evaluation_episodes, last.seconds, final=True
+        )
         rows += rows_of(trial, _only(each.record, point))
     return rows
 
 
 def _config(trial: Trial) -> transfer.Config:
-    return transfer.Config(trial.task, trial.seed, trial.episodes)
+    return transfer.Config(trial.task, trial.seed, trial.evaluation_episodes)
 
 
 def _only(record: Record, point: Point) -> Record:

@@ -48,7 +48,7 @@ def trials_of(options: Options, tasks: Sequence[str]) -> list[Trial]:
             seed,
             budget_of(OURS, task, options),
             *way,
-            episodes=options.episodes,
+            evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
         for task in tasks

@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
+from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.errors import TaskError
 from roboscribe.evaluation import format_success
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_files
@@ -41,7 +42,7 @@ class Options:
         methods: "roboscribe" and baselines, instead of those that the experiment has.
         profiles: what programs may be learned from, instead of those that the experiment has.
         seeds: how many; they count from 0.
-        episodes: of each final evaluation.
+        evaluation_episodes: of each final evaluation.
         budget: "default", "paper" or a number of steps of learning.
         quick: a run that is no result.
         programs: given ones, instead of synthesizing any.
@@ -51,13 +52,13 @@ class Options:
     methods: tuple[str, ...] = ()
     profiles: tuple[str, ...] = ()
     seeds: int = 5
-    episodes: int = 500
+    evaluation_episodes: int = EVALUATION_EPISODES
     budget: str = "default"
     quick: bool = False
     programs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what makes no sense.
+        """Refuse options that contradict each other.
 
         Raises:
             TaskError: a budget that is neither a word nor a number.
@@ -70,7 +71,9 @@ class Options:
         """Return the options of a quick run where one is asked for: seed 0, few episodes, small tasks."""
         if not self.quick:
             return self
-        return replace(self, tasks=self.tasks or tasks, seeds=1, episodes=min(self.episodes, QUICK_EPISODES))
+        return replace(
+            self, tasks=self.tasks or tasks, seeds=1, evaluation_episodes=min(self.evaluation_episodes, QUICK_EPISODES)
+        )
 
     def words(self) -> list[str]:
         """Spell the options that are not the usual ones, as the command line takes them."""
@@ -80,7 +83,7 @@ class Options:
             words += [word for value in values for word in (option, value)]
         for option, value, default in (
             ("--seeds", self.seeds, usual.seeds),
-            ("--episodes", self.episodes, usual.episodes),
+            ("--episodes", self.evaluation_episodes, usual.evaluation_episodes),
             ("--budget", self.budget, usual.budget),
         ):
             words += [option, str(value)] if value != default else []
@@ -92,13 +95,13 @@ class ExperimentContext:
     """Where an experiment is done.
 
     Args:
-        home: where everything is kept.
+        workspace: where everything is kept.
         runner: what runs the cells.
         out: where the report goes; None is `data/paper/NAME`.
         track: whether MLflow is told.
     """
 
-    home: Workspace
+    workspace: Workspace
     runner: Runner = field(default_factory=Runner)
     out: Path | None = None
     track: bool = True
@@ -106,12 +109,12 @@ class ExperimentContext:
     @property
     def cell_context(self) -> CellContext:
         """Where cells are computed."""
-        return CellContext(self.home, self.track)
+        return CellContext(self.workspace, self.track)
 
 
 @dataclass(frozen=True)
 class ExperimentResult:
-    """What an experiment leaves.
+    """The result of an experiment.
 
     Args:
         summary: the report in Markdown; "" where nothing could be measured.
@@ -129,7 +132,7 @@ class ExperimentResult:
 
 
 def existing(tasks: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Part the tasks of the paper that can be made from those that do not exist yet."""
+    """Separate the tasks of the paper that can be made from those that do not exist yet."""
     built = tuple(task for task in tasks if _exists(task))
     return built, tuple(task for task in tasks if task not in built)
 
@@ -226,7 +229,7 @@ def finish(
         words: further options of the command line.
     """
     commit, title = checkout_commit(), f"paper {name}"
-    earlier = newest(context.home.data / "runs", title, name, commit, quick=options.quick)
+    earlier = newest(context.workspace.data / "runs", title, name, commit, quick=options.quick)
     about = About(
         name,
         shlex.join(["roboscribe", "paper", name, *options.words(), *words]),
@@ -238,7 +241,7 @@ def finish(
         {"asked": encode(options)},
     )
     files = report_files(report, about)
-    out = context.out or context.home.data / "paper" / (f"{name}-quick" if options.quick else name)
+    out = context.out or context.workspace.data / "paper" / (f"{name}-quick" if options.quick else name)
     out.mkdir(parents=True, exist_ok=True)
     write_files({out / file: data for file, data in files.items()})
     summary = files[f"{name}.md"].decode()
@@ -254,14 +257,14 @@ def _track(
     context: ExperimentContext,
     children: Sequence[ChildRun],
 ) -> str | None:
-    """Tell MLflow of the run and of its cells; the same run told again is the same run."""
+    """Track the run and its cells in MLflow; tracked again, it is the same run."""
     identity: Json = {
         "command": about.command,
         "commit": about.commit,
         "table": hashlib.sha256(files[f"{about.name}.csv"]).hexdigest(),
         "code": code_version("roboscribe.stages.paper.curves"),
     }
-    directory = context.home.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
+    directory = context.workspace.data / "runs" / hashlib.sha256(canonical_json(identity).encode()).hexdigest()[:32]
     directory.mkdir(parents=True, exist_ok=True)
     params = {"quick": str(about.quick), "command": about.command}
     lock = ROOT / "requirements.lock"
@@ -271,7 +274,7 @@ def _track(
         "roboscribe.lock": sha256_of(lock) if lock.is_file() else "",
     }
     with locked(directory):
-        return track_experiment(directory, context.home.mlruns, title, title, params, {}, files, tags, children)
+        return track_experiment(directory, context.workspace.mlruns, title, title, params, {}, files, tags, children)
 
 
 def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:
@@ -282,7 +285,19 @@ def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:
 def _child(each: Outcome) -> ChildRun:
     rows, trial = each.rows, each.trial
     last = rows[-1]
-    names = ("task", "method", "profile", "seed", "budget", "contact", "timing", "shown", "style", "failing", "quick")
+    names = (
+        "task",
+        "method",
+        "profile",
+        "seed",
+        "budget",
+        "contact",
+        "timing",
+        "n_demonstrations",
+        "style",
+        "failing",
+        "quick",
+    )
     params = {name: str(last[name]) for name in names}
     curve = [(int(str(row["control_steps"])), float(str(row["success"]))) for row in rows]
     refined = {} if each.record.refinements is None else {"refinements": float(each.record.refinements)}

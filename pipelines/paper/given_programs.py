@@ -1,4 +1,4 @@
-"""Programs and policies that are given instead of made."""
+"""Saved programs and policies that experiments are given instead of making their own."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.io.saved_program import load_program
-from roboscribe.pipelines.programs import program_directory
 from roboscribe.pipelines.workspace import Workspace
+from roboscribe.programs import program_directory
 from roboscribe.stages.paper.rows import OURS
 
 
@@ -34,13 +34,13 @@ class GivenProgram:
 
 
 @contextmanager
-def given_program(name: str, home: Workspace) -> Iterator[GivenProgram]:
+def given_program(name: str, workspace: Workspace) -> Iterator[GivenProgram]:
     """Find a program by its directory, MLflow run id or shipped name.
 
     Raises:
         ArtifactError: there is none, or its files are damaged.
     """
-    with program_directory(name, home.mlruns) as directory:
+    with program_directory(name, workspace.mlruns) as directory:
         manifest: Mapping[str, Any] = load_program(directory).manifest
         method = str(manifest.get("method", OURS))
         yield GivenProgram(manifest["task"], method, manifest["profile"], manifest["seed"], directory)

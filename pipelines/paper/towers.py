@@ -99,7 +99,7 @@ def measure_towers(
     failures: tuple[str, ...] = ()
     with ExitStack() as stack:
         if options.programs:
-            named = [(name, stack.enter_context(given_program(name, context.home))) for name in options.programs]
+            named = [(name, stack.enter_context(given_program(name, context.workspace))) for name in options.programs]
             subjects = _distinct([_subject(name, found) for name, found in named])
         else:
             outcomes = run_trials(TITLE, trials, context, console)
@@ -140,7 +140,7 @@ def trials_of(experiment: Experiment, options: Options) -> list[Trial]:
             profile if method == OURS else "",
             seed,
             budget_of(method, f"tower-{blocks}", options),
-            episodes=options.episodes,
+            evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
         for blocks, method, seed in pairs
@@ -177,7 +177,11 @@ def _measured(
     """Measure every subject in every task."""
     pairs = list(product(subjects, places))
     cells = [
-        Transfer(f"{s} on {t.name}, {t.contact} contact", s.directory, transfer.Config(t, s.seed, options.episodes))
+        Transfer(
+            f"{s} on {t.name}, {t.contact} contact",
+            s.directory,
+            transfer.Config(t, s.seed, options.evaluation_episodes),
+        )
         for s, t in pairs
     ]
     outs = run_cells(

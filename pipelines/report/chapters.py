@@ -1,4 +1,4 @@
-"""A run's account as chapters: what was tried, what was learned from its failures, what was given up."""
+"""A run's event log as chapters: what was tried, what was learned from its failures, what was given up."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from roboscribe.stages.runtime.events import (
     RolledOut,
     Trained,
 )
-from roboscribe.stages.tracking.chronicle import EventLog, LoggedEvent
+from roboscribe.stages.tracking.event_log import EventLog, LoggedEvent
 from roboscribe.steps import wilson
 from roboscribe.subtask_tree import ROOT
 
@@ -74,13 +74,13 @@ class Attempt:
 
     @property
     def controllers(self) -> str:
-        """Names of what acts."""
+        """Names of its controllers."""
         return " ".join(f"π_{run.controller}" for run in controllers(self.program))
 
 
 @dataclass(frozen=True)
 class Remark:
-    """Something that was decided, in words."""
+    """A decision, as a sentence."""
 
     said: str
 
@@ -102,7 +102,7 @@ class Chapters:
         video: film of an episode of it.
     """
 
-    chapters: tuple[Chapter, ...] = ()
+    read_chapters: tuple[Chapter, ...] = ()
     demonstrations: Mapping[str, Any] = field(default_factory=dict)
     profile: str = ""
     evaluation: Mapping[str, Any] = field(default_factory=dict)
@@ -113,12 +113,12 @@ class Chapters:
     @property
     def tried(self) -> tuple[Attempt, ...]:
         """Attempts that were tried."""
-        return tuple(each for each in self.chapters if isinstance(each, Attempt) and each.counts)
+        return tuple(each for each in self.read_chapters if isinstance(each, Attempt) and each.counts)
 
     @property
     def refinements(self) -> tuple[Refined, ...]:
         """Refinements in order."""
-        return tuple(each for each in self.chapters if isinstance(each, Refined))
+        return tuple(each for each in self.read_chapters if isinstance(each, Refined))
 
     @property
     def solving(self) -> tuple[Attempt, ...]:
@@ -126,23 +126,23 @@ class Chapters:
         return tuple(each for each in self.tried if each.goal == ROOT)
 
 
-def chapters(account: EventLog | None) -> Chapters:
-    """Read an account; without one there are no chapters.
+def read_chapters(account: EventLog | None) -> Chapters:
+    """Read an event log; without one there are no chapters.
 
     Raises:
         ArtifactError: it cannot be read.
     """
     reader = _Reader()
-    for told in () if account is None else account.told:
+    for told in () if account is None else account.entries:
         reader.read(told)
-    return Chapters(tuple(reader.chapters), **reader.found)
+    return Chapters(tuple(reader.read_chapters), **reader.found)
 
 
 class _Reader:
     """Sorts events into chapters."""
 
     def __init__(self) -> None:
-        self.chapters: list[Chapter] = []
+        self.read_chapters: list[Chapter] = []
         self.found: dict[str, Any] = {}
         self._steps = 0
 
@@ -152,15 +152,15 @@ class _Reader:
             case Ingested(report, profile):
                 self.found |= {"demonstrations": report, "profile": profile}
             case Programmed(goal, program):
-                self.chapters.append(Attempt(goal, program))
+                self.read_chapters.append(Attempt(goal, program))
             case Trained():
                 self._latest(lambda attempt: self._trained(attempt, event, told.more))
             case RolledOut():
                 self._latest(lambda attempt: self._rolled_out(attempt, event, told.more))
             case Refined():
-                self.chapters.append(event)
+                self.read_chapters.append(event)
             case Abandoned() | Removed() | Failed():
-                self.chapters.append(Remark(_remark(event)))
+                self.read_chapters.append(Remark(_remark(event)))
             case Evaluated(figures, _):
                 self.found |= {"evaluation": figures, "failing": _episodes(told.more)}
             case Packaged():
@@ -172,10 +172,10 @@ class _Reader:
 
     def _latest(self, change: Callable[[Attempt], Attempt]) -> None:
         """Change the latest attempt."""
-        place = max(i for i, chapter in enumerate(self.chapters) if isinstance(chapter, Attempt))
-        attempt = self.chapters[place]
+        place = max(i for i, chapter in enumerate(self.read_chapters) if isinstance(chapter, Attempt))
+        attempt = self.read_chapters[place]
         assert isinstance(attempt, Attempt)
-        self.chapters[place] = change(attempt)
+        self.read_chapters[place] = change(attempt)
 
     def _trained(self, attempt: Attempt, event: Trained, more: Mapping[str, Any]) -> Attempt:
         self._steps += sum(int(report["control_steps"]) for report in event.reports)

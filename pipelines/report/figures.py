@@ -12,14 +12,14 @@ from roboscribe.pipelines.runs.lookup import LoadedRun
 UNKNOWN = "–"
 
 
-def figures(found: LoadedRun, story: Chapters) -> dict[str, str]:
-    """Name the figures of a run; those that nobody knows are left out.
+def figures(found: LoadedRun, chapters: Chapters) -> dict[str, str]:
+    """Name the figures of a run; unknown ones are left out.
 
     Args:
         found: the run.
-        story: its chapters.
+        chapters: its chapters.
     """
-    known = {**_evaluation(found, story), **_manifest(found.manifest), **_account(found, story)}
+    known = {**_evaluation(found, chapters), **_manifest(found.manifest), **_account(found, chapters)}
     return {name: value for name, value in known.items() if value}
 
 
@@ -36,29 +36,29 @@ def success(counts: Mapping[str, Any]) -> str:
 
 
 def _manifest(manifest: Mapping[str, Any]) -> dict[str, str]:
-    """Read what a program says about itself."""
+    """Read the figures of a program's manifest."""
     names = {"task": "task", "seed": "seed", "profile": "profile", "contact": "contact model", "timing": "timing"}
     return {told: str(manifest[name]) for name, told in names.items() if name in manifest}
 
 
-def _account(found: LoadedRun, story: Chapters) -> dict[str, str]:
-    """Read what was written down about a run."""
+def _account(found: LoadedRun, chapters: Chapters) -> dict[str, str]:
+    """Read the figures of an event log."""
     account = found.account
     if account is None:
         return _made(found.manifest)
-    plan, result, shown = account.about["plan"], account.result, story.demonstrations
+    plan, result, shown = account.about["plan"], account.result, chapters.demonstrations
     task = plan["task"]
     kept = f"{shown['kept']} of {shown['episodes']}, {shown['frames']} frames" if shown else ""
     return {
         "task": str(task["name"]),
         "seed": str(plan["seed"]),
-        "profile": story.profile or str(plan["profile"] or ""),
+        "profile": chapters.profile or str(plan["profile"] or ""),
         "contact model": str(task["contact"]),
         "timing": str(task["timing"]),
         "status": found.status.lower(),
         "demonstrations": kept,
-        "refinements": str(len(story.refinements)),
-        "programs tried": str(len(story.tried)),
+        "refinements": str(len(chapters.refinements)),
+        "programs tried": str(len(chapters.tried)),
         "control steps": spaced(result.get("env_steps")),
         "seconds": f"{float(result['wall_seconds']):.0f}" if "wall_seconds" in result else "",
         "begun": datetime.fromtimestamp(account.began / 1000, UTC).strftime("%Y-%m-%d %H:%M UTC"),
@@ -76,9 +76,9 @@ def _made(manifest: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def _evaluation(found: LoadedRun, story: Chapters) -> dict[str, str]:
+def _evaluation(found: LoadedRun, chapters: Chapters) -> dict[str, str]:
     """Read the final evaluation."""
-    counts = story.evaluation or found.manifest.get("figures", {})
+    counts = chapters.evaluation or found.manifest.get("figures", {})
     edited = "yes: figures are those of the program as it was learned"
     diverged = str(counts.get("diverged", "")) if counts.get("diverged") else ""
     return {
@@ -89,5 +89,5 @@ def _evaluation(found: LoadedRun, story: Chapters) -> dict[str, str]:
 
 
 def spaced(count: object) -> str:
-    """Spell a count with its thousands apart."""
+    """Format a count with its thousands apart."""
     return "" if count is None else f"{int(str(count)):,}".replace(",", "\u202f")

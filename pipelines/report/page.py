@@ -17,7 +17,7 @@ from roboscribe.html.curves import curves_html
 from roboscribe.html.style import STYLE, run_colour
 from roboscribe.html.tables import figures_html, pairs_html
 from roboscribe.html.tree import tree_html
-from roboscribe.pipelines.console import trained
+from roboscribe.pipelines.console import training_line
 from roboscribe.pipelines.report.chapters import Chapters
 from roboscribe.pipelines.report.figures import figures, side_by_side, success
 from roboscribe.pipelines.report.films import FINAL, Film, films_html
@@ -35,18 +35,18 @@ class ReportedRun:
 
     Args:
         found: the run.
-        story: its chapters.
+        chapters: its chapters.
         films: of its failures, by the place of their attempt among the chapters.
     """
 
     found: LoadedRun
-    story: Chapters
+    chapters: Chapters
     films: Mapping[int, Sequence[Film]] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
-        """What the page calls it."""
-        known = figures(self.found, self.story)
+        """Its name on the page."""
+        known = figures(self.found, self.chapters)
         return f"{known.get('task', '?')} seed {known.get('seed', '?')} ({short_name(self.found.name)})"
 
     @property
@@ -59,13 +59,13 @@ class ReportedRun:
         """The abstraction at the end."""
         if self.found.program is not None:
             return tree_from_json(self.found.program.tree, self.found.name)
-        latest = self.story.refinements[-1:]
+        latest = self.chapters.refinements[-1:]
         return latest[0].tree if latest else None
 
     @property
     def headline(self) -> str:
-        """What came of it, in one line."""
-        counts = self.story.evaluation or self.found.manifest.get("figures", {})
+        """The outcome, in one line."""
+        counts = self.chapters.evaluation or self.found.manifest.get("figures", {})
         if "ci_low" in counts:
             return f"{success(counts)} succeed (95 % interval)"
         account = self.found.account
@@ -104,8 +104,8 @@ def page(runs: Sequence[ReportedRun]) -> str:
 
 def _comparison(runs: Sequence[ReportedRun]) -> dict[str, Markup]:
     """Show what runs share and where they differ."""
-    curves = [curve for rank, run in enumerate(runs) for curve in success_curves(run.story, run.name, rank)]
-    rows = side_by_side([figures(run.found, run.story) for run in runs])
+    curves = [curve for rank, run in enumerate(runs) for curve in success_curves(run.chapters, run.name, rank)]
+    rows = side_by_side([figures(run.found, run.chapters) for run in runs])
     tried = any(curve.points for curve in curves)
     return {
         "curve": Markup(curves_html(curves, "success at the task")) if tried else Markup(),
@@ -115,19 +115,19 @@ def _comparison(runs: Sequence[ReportedRun]) -> dict[str, Markup]:
 
 def _run(run: ReportedRun, rank: int, shared: set[str] | None) -> dict[str, object]:
     """Prepare what the template shows of a run."""
-    story, tree = run.story, run.tree
-    curves = success_curves(story)
+    chapters, tree = run.chapters, run.tree
+    curves = success_curves(chapters)
     return {
         "name": run.name,
         "colour": run_colour(rank),
         "headline": run.headline,
         "program": _program(run, shared),
-        "figures": Markup(pairs_html(figures(run.found, story))),
+        "figures": Markup(pairs_html(figures(run.found, chapters))),
         "tree": Markup() if tree is None else Markup(tree_html(tree)),
-        "curve": Markup(curves_html(curves, "success")) if story.tried else Markup(),
-        "learning": learning_html(story),
-        "chapters": chapter_views(story, run.films),
-        "video": _video(story),
+        "curve": Markup(curves_html(curves, "success")) if chapters.tried else Markup(),
+        "learning": learning_html(chapters),
+        "chapters": chapter_views(chapters, run.films),
+        "video": _video(chapters),
         "failures": _failures(run),
     }
 
@@ -151,28 +151,28 @@ def _notes(run: ReportedRun) -> dict[str, str]:
         notes = meanings(parse_program(run.text))
     except ProgramError:
         return {}
-    for attempt in run.story.tried:
+    for attempt in run.chapters.tried:
         for skill in attempt.skills:
             name = f"π_{skill.report['controller']}"
-            notes |= {name: f"{notes[name].split(chr(10))[0]}\n{trained(skill.report)}"} if name in notes else {}
+            notes |= {name: f"{notes[name].split(chr(10))[0]}\n{training_line(skill.report)}"} if name in notes else {}
     return notes
 
 
-def _video(story: Chapters) -> Markup:
+def _video(chapters: Chapters) -> Markup:
     """Show the episode that was filmed when the program was found."""
-    if story.video is None or not story.video.is_file():
+    if chapters.video is None or not chapters.video.is_file():
         return Markup()
-    return films_html([Film(story.video, "the first episode of the final evaluation")])
+    return films_html([Film(chapters.video, "the first episode of the final evaluation")])
 
 
 def _failures(run: ReportedRun) -> dict[str, object]:
     """Name the failing episodes of the final evaluation."""
-    story = run.story
-    if not story.evaluation:
+    chapters = run.chapters
+    if not chapters.evaluation:
         return {}
-    count, episodes = len(story.failing), story.evaluation["episodes"]
-    broken = sum(diverged for _, _, diverged, _ in story.failing)
-    named = ", ".join(str(number) for number, *_ in story.failing[:40]) + (", …" if count > 40 else "")
+    count, episodes = len(chapters.failing), chapters.evaluation["episodes"]
+    broken = sum(diverged for _, _, diverged, _ in chapters.failing)
+    named = ", ".join(str(number) for number, *_ in chapters.failing[:40]) + (", …" if count > 40 else "")
     lines = [f"{count} of {episodes} episodes failed" + (f": {named}." if count else ".")]
     lines += [f"In {broken} of them physics broke."] if broken else []
     return {"lines": lines, "films": films_html(run.films.get(FINAL, ()))}

@@ -14,7 +14,7 @@ from roboscribe.html.curves import Curve, Point, curves_html
 from roboscribe.html.strips import strips_html
 from roboscribe.html.tables import refinement_html
 from roboscribe.html.tree import tree_html
-from roboscribe.pipelines.console import trained, why
+from roboscribe.pipelines.console import reason_line, training_line
 from roboscribe.pipelines.report.chapters import Attempt, Chapter, Chapters, Remark, Skill
 from roboscribe.pipelines.report.films import Film, films_html
 from roboscribe.stages.runtime.events import Refined
@@ -55,17 +55,17 @@ class ChapterView:
     parts: tuple[Part, ...] = field(default=())
 
 
-def chapter_views(story: Chapters, films: Mapping[int, Sequence[Film]]) -> tuple[ChapterView, ...]:
+def chapter_views(chapters: Chapters, films: Mapping[int, Sequence[Film]]) -> tuple[ChapterView, ...]:
     """Show every chapter, refinements numbered.
 
     Args:
-        story: the chapters.
+        chapters: the chapters.
         films: of failures, by the place of their attempt among the chapters.
     """
-    numbers = {id(each): rank for rank, each in enumerate(story.refinements, start=1)}
+    numbers = {id(each): rank for rank, each in enumerate(chapters.refinements, start=1)}
     return tuple(
         _view(chapter, numbers.get(id(chapter), 0), films.get(place, ()))
-        for place, chapter in enumerate(story.chapters)
+        for place, chapter in enumerate(chapters.read_chapters)
     )
 
 
@@ -85,7 +85,7 @@ def _attempt(attempt: Attempt, films: Sequence[Film]) -> ChapterView:
     """Show a program that was tried."""
     program = Part("the program", Markup(program_html(attempt.program)))
     shown = (Part("an episode that failed", films_html(films), folded=False),) if films else ()
-    lines = tuple(trained(skill.report) for skill in attempt.skills)
+    lines = tuple(training_line(skill.report) for skill in attempt.skills)
     if not attempt.counts:
         return ChapterView("remark", f"{attempt.controllers} was made ready for {attempt.goal}", lines, (program,))
     won, episodes = int(attempt.counts["successes"]), int(attempt.counts["episodes"])
@@ -98,7 +98,7 @@ def _attempt(attempt: Attempt, films: Sequence[Film]) -> ChapterView:
 def _refinement(refined: Refined, number: int) -> ChapterView:
     """Show a subgoal with its table and where it holds."""
     refinement, node = refined.refinement, refined.refinement.node
-    said = why(refinement)
+    said = reason_line(refinement)
     explained = f"Its program explains {refined.explained} of {refined.demonstrations} demonstrations."
     strips = Markup(strips_html(refined.strips, node.name, refinement.psi))
     table, tree = Markup(refinement_html(refinement)), Markup(tree_html(refined.tree))
@@ -112,10 +112,10 @@ def _refinement(refined: Refined, number: int) -> ChapterView:
     return ChapterView("refined", title, (f"{said[0].upper()}{said[1:]}.", explained), parts)
 
 
-def success_curves(story: Chapters, name: str = "", rank: int = 0) -> tuple[Curve, ...]:
+def success_curves(chapters: Chapters, name: str = "", rank: int = 0) -> tuple[Curve, ...]:
     """Draw what was tried: programs for the task, and in grey attempts at subgoals where runs are not compared."""
-    task = Curve(name or "the task", tuple(_point(each) for each in story.solving), rank)
-    others = tuple(_point(each) for each in story.tried if each.goal != ROOT)
+    task = Curve(name or "the task", tuple(_point(each) for each in chapters.solving), rank)
+    others = tuple(_point(each) for each in chapters.tried if each.goal != ROOT)
     return (task,) if name or not others else (task, Curve("subgoals", others, 5))
 
 
@@ -125,9 +125,9 @@ def _point(attempt: Attempt) -> Point:
     return Point(attempt.steps, attempt.rate, *attempt.interval, told)
 
 
-def learning_html(story: Chapters) -> Markup:
+def learning_html(chapters: Chapters) -> Markup:
     """Draw how controllers succeeded while they were learned, where that was measured more than once."""
-    learned = [(skill, attempt.goal) for attempt in story.tried for skill in attempt.skills]
+    learned = [(skill, attempt.goal) for attempt in chapters.tried for skill in attempt.skills]
     curves = [curve for rank, (skill, goal) in enumerate(learned) for curve in _curves(skill, goal, rank)]
     return Markup(curves_html(curves, "success in training")) if curves else Markup()
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import write_file
-from roboscribe.pipelines.report.chapters import chapters
+from roboscribe.pipelines.report.chapters import read_chapters
+from roboscribe.pipelines.report.failure_films import film_failures
 from roboscribe.pipelines.report.page import ReportedRun, page
-from roboscribe.pipelines.report.shooting import shoot_failures
 from roboscribe.pipelines.runs.lookup import LoadedRun
 
 SUFFIXES = (".html", ".htm")
@@ -45,5 +45,5 @@ def write_report(found: Sequence[LoadedRun], out: Path, films: int) -> None:
 
 
 def _reported(found: LoadedRun, scratch: Path, films: int) -> ReportedRun:
-    story = chapters(found.account)
-    return ReportedRun(found, story, shoot_failures(found, story, films, scratch))
+    chapters = read_chapters(found.account)
+    return ReportedRun(found, chapters, film_failures(found, chapters, films, scratch))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from difflib import unified_diff
 
 from roboscribe.io.atomic import Json
-from roboscribe.pipelines.report.chapters import chapters
+from roboscribe.pipelines.report.chapters import read_chapters
 from roboscribe.pipelines.report.figures import figures, side_by_side
 from roboscribe.pipelines.runs.lookup import LoadedRun
 
@@ -20,7 +20,7 @@ def compared(one: LoadedRun, other: LoadedRun) -> Iterator[tuple[str, str]]:
     yield "", ""
     settings = [settings_of(found) for found in (one, other)]
     yield from _differences("configuration", *settings)
-    measured = [figures(found, chapters(found.account)) for found in (one, other)]
+    measured = [figures(found, read_chapters(found.account)) for found in (one, other)]
     known = {name.rsplit(".", 1)[-1] for column in settings for name in column}
     yield from _differences("figures", *({k: v for k, v in column.items() if k not in known} for column in measured))
 

@@ -1,9 +1,7 @@
-"""Runs of a home: what was done here, and finding one by whatever name a user has for it."""
+"""Runs of a workspace: listing them, and finding one by any name a user has for it."""
 
 from __future__ import annotations
 
-import fcntl
-import os
 import re
 import tempfile
 from collections.abc import Iterator, Mapping
@@ -14,14 +12,15 @@ from typing import Any
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import sha256_of
+from roboscribe.io.lock import is_held
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
-from roboscribe.pipelines.programs import program_directory
+from roboscribe.io.tracked import DATABASE, has_store
 from roboscribe.pipelines.workspace import Workspace
-from roboscribe.programs import shipped_names
+from roboscribe.programs import program_directory, shipped_names
 from roboscribe.stages.runtime.events import Packaged
 from roboscribe.stages.runtime.journal import read_records
-from roboscribe.stages.tracking.chronicle import CHRONICLE, EventLog, read_event_log
-from roboscribe.stages.tracking.mlflow_store import DATABASE, ENDED, JOURNAL, PARENT, download, run_id_of
+from roboscribe.stages.tracking.event_log import CHRONICLE, EventLog, read_event_log
+from roboscribe.stages.tracking.mlflow_store import ENDED, JOURNAL, PARENT, download, run_id_of
 
 KEY = re.compile(r"[0-9a-f]{4,32}")
 """What keys of runs, and MLflow's run ids, look like, and how they begin."""
@@ -31,7 +30,7 @@ SHOWN = 8
 
 @dataclass(frozen=True)
 class Run:
-    """A run of this home.
+    """A run of a workspace.
 
     Args:
         directory: where it is kept.
@@ -45,13 +44,13 @@ class Run:
 
     @property
     def key(self) -> str:
-        """Its name here."""
+        """Its key: the name of its directory."""
         return self.directory.name
 
     @property
     def program(self) -> Path | None:
         """Directory of the program that it found, None where there is none any more."""
-        packaged = [told.event.directory for told in self.account.told if isinstance(told.event, Packaged)]
+        packaged = [told.event.directory for told in self.account.entries if isinstance(told.event, Packaged)]
         published = [Path(str(self.account.result[name])) for name in ("program_dir",) if name in self.account.result]
         return next((path for path in (*packaged, *published) if (path / MANIFEST).is_file()), None)
 
@@ -76,100 +75,92 @@ class LoadedRun:
 
     @property
     def manifest(self) -> Mapping[str, Any]:
-        """What the program says about itself."""
+        """The program's manifest."""
         return {} if self.program is None else self.program.manifest
 
 
-def list_runs(home: Workspace) -> tuple[Run, ...]:
-    """List the runs of a home, the latest first; one that was killed before its first word is none.
+def list_runs(workspace: Workspace) -> tuple[Run, ...]:
+    """List the runs of a workspace, the latest first; those that were killed before their first record are left out.
 
     Raises:
         ArtifactError: what was written down about one is damaged.
     """
-    found = (_run(path.parent) for path in home.data.glob(f"runs/*/{CHRONICLE}") if next(read_records(path), None))
+    found = (
+        _open_directory(path.parent)
+        for path in workspace.data.glob(f"runs/*/{CHRONICLE}")
+        if next(read_records(path), None)
+    )
     return tuple(sorted(found, key=lambda run: -run.account.began))
 
 
 @contextmanager
-def open_run(name: str, home: Workspace) -> Iterator[LoadedRun]:
+def open_run(name: str, workspace: Workspace) -> Iterator[LoadedRun]:
     """Find a run or program.
 
     Args:
         name: a program's directory, a run's directory or key (or how it begins), an MLflow run id, or the name of a
             shipped program.
-        home: where runs are kept.
+        workspace: where runs are kept.
 
     Raises:
         ArtifactError: there is nothing of this name, or it is damaged.
     """
-    run = _named(name, home)
+    run = _find_run(name, workspace)
     if run is not None:
         program = run.program
         loaded = None if program is None else load_program(program)
         yield LoadedRun(run.key[:SHOWN], program, loaded, run.account, run.status)
     elif KEY.fullmatch(name) and len(name) == 32 and not Path(name).exists():
-        with _tracked(name, home.mlruns) as found:
+        with _from_mlflow(name, workspace.mlruns) as found:
             yield found
     elif not Path(name).exists() and name not in shipped_names():
         expected = "a program's directory, a run that `roboscribe runs` lists, an MLflow run id, or a shipped program"
         msg = f"run {name}: there is nothing of this name; expected {expected} ({', '.join(shipped_names())})"
         raise ArtifactError(msg)
     else:
-        with program_directory(name, home.mlruns) as directory:
-            run = _maker(directory, home)
+        with program_directory(name, workspace.mlruns) as directory:
+            run = _run_that_made(directory, workspace)
             about = (None, "") if run is None else (run.account, run.status)
             yield LoadedRun(name, directory, load_program(directory), *about)
 
 
-def _run(directory: Path) -> Run:
+def _open_directory(directory: Path) -> Run:
     return Run(directory, _status(directory), read_event_log(directory / CHRONICLE))
 
 
 def _status(directory: Path) -> str:
-    """Return how a run stands; one that says that it runs although nobody is at work was killed."""
+    """Return a run's status; one that claims to be running although no process holds it was killed."""
     own = (record for _, record in read_records(directory / JOURNAL) if record["run"] == PARENT)
     said = [str(record["value"]) for record in own if record["kind"] == "status"]
     last = said[-1] if said else "KILLED"
-    return last if last in ENDED or _at_work(directory) else "KILLED"
+    return last if last in ENDED or is_held(directory) else "KILLED"
 
 
-def _at_work(directory: Path) -> bool:
-    """Tell whether a process holds a run's directory."""
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
-
-
-def _named(name: str, home: Workspace) -> Run | None:
+def _find_run(name: str, workspace: Workspace) -> Run | None:
     """Find a run by its directory, its key, how that begins, or its MLflow id.
 
     Raises:
         ArtifactError: several runs begin so.
     """
     if (Path(name) / CHRONICLE).is_file():
-        return _run(Path(name))
+        return _open_directory(Path(name))
     if not KEY.fullmatch(name) or Path(name).exists():
         return None
-    directories = [path.parent for path in home.data.glob(f"runs/*/{CHRONICLE}")]
+    directories = [path.parent for path in workspace.data.glob(f"runs/*/{CHRONICLE}")]
     found = [path for path in directories if path.name.startswith(name) or run_id_of(path) == name]
     if len(found) > 1:
         names = ", ".join(sorted(path.name[: len(name) + 4] for path in found))
         msg = f"run {name}: {len(found)} runs begin so ({names}); expected more characters"
         raise ArtifactError(msg)
-    return _run(found[0]) if found else None
+    return _open_directory(found[0]) if found else None
 
 
-def _maker(directory: Path, home: Workspace) -> Run | None:
+def _run_that_made(directory: Path, workspace: Workspace) -> Run | None:
     """Find the latest run that made a program, by the digests of tree and controllers; its text may be edited."""
     if not all((directory / name).is_file() for name in (TREE, CONTROLLERS)):
         return None
     digests = {name: sha256_of(directory / name) for name in (TREE, CONTROLLERS)}
-    return next((run for run in list_runs(home) if _digests(run.account) == digests), None)
+    return next((run for run in list_runs(workspace) if _digests(run.account) == digests), None)
 
 
 def _digests(account: EventLog) -> Mapping[str, Any]:
@@ -179,15 +170,15 @@ def _digests(account: EventLog) -> Mapping[str, Any]:
 
 
 @contextmanager
-def _tracked(run_id: str, mlruns: Path) -> Iterator[LoadedRun]:
-    """Copy program and chronicle of a run of the tracking store for the time being.
+def _from_mlflow(run_id: str, mlruns: Path) -> Iterator[LoadedRun]:
+    """Copy a run's program and event log out of MLflow into a temporary directory.
 
     Raises:
         ArtifactError: the store has no such run, or the run has neither.
     """
     from mlflow.exceptions import MlflowException
 
-    if not (mlruns / DATABASE).exists():
+    if not has_store(mlruns):
         msg = f"run {run_id}: looks like an MLflow run id, but there is no tracking store {mlruns / DATABASE}"
         raise ArtifactError(msg)
     with tempfile.TemporaryDirectory() as scratch:

@@ -8,7 +8,41 @@ from torch import nn
 
 from roboscribe.baselines.config import ChunkConfig
 from roboscribe.baselines.set_network import Tokenizer
+from roboscribe.rl.torch_net import mlp
 from roboscribe.world.layout import FloatArray, IntArray
+
+
+class Questions(nn.Module):
+    """A decoder layer whose queries are the same for every state: one per action of the chunk.
+
+    What they ask each other, and how, is computed once for a whole batch; only what they find in the tokens differs.
+    """
+
+    def __init__(self, config: ChunkConfig) -> None:
+        """Build the layer."""
+        super().__init__()
+        width, self.heads = config.units, config.heads
+        self.queries = nn.Parameter(torch.randn(config.actions, width) / width**0.5)
+        self.among = nn.MultiheadAttention(width, config.heads, batch_first=True)
+        self.asked, self.shown, self.given = (
+            nn.Linear(width, width),
+            nn.Linear(width, 2 * width),
+            nn.Linear(width, width),
+        )
+        self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(3))
+        self.each = nn.Sequential(*mlp([width, 2 * width, width], nn.ReLU))
+
+    def forward(self, tokens: torch.Tensor) -> torch.Tensor:
+        """Return (B, C, units) for tokens (B, N, units)."""
+        batch, count, width = tokens.shape
+        own = self.norms[0](self.queries)[None]
+        queries = self.queries + self.among(own, own, own, need_weights=False)[0]
+        asked = self.asked(self.norms[1](queries)).view(1, -1, self.heads, width // self.heads).transpose(1, 2)
+        shown = self.shown(tokens).view(batch, count, 2, self.heads, width // self.heads).permute(2, 0, 3, 1, 4)
+        found = nn.functional.scaled_dot_product_attention(asked.expand(batch, -1, -1, -1), shown[0], shown[1])
+        answers = queries + self.given(found.transpose(1, 2).reshape(batch, -1, width))
+        told: torch.Tensor = answers + self.each(self.norms[2](answers))
+        return told
 
 
 class ChunkActor(nn.Module):
@@ -27,16 +61,17 @@ class ChunkActor(nn.Module):
         width, heads, hidden = config.units, config.heads, 2 * config.units
         layer = nn.TransformerEncoderLayer(width, heads, hidden, dropout=0.0, batch_first=True, norm_first=True)
         self.encoder = nn.TransformerEncoder(layer, config.layers, enable_nested_tensor=False)
-        self.decoder = nn.TransformerDecoderLayer(width, heads, hidden, 0.0, batch_first=True, norm_first=True)
-        self.queries = nn.Parameter(torch.randn(config.actions, config.units) / config.units**0.5)
+        self.questions = Questions(config)
         self.norm = nn.LayerNorm(config.units)
         self.head = nn.Linear(config.units, actions)
 
     def forward(self, states: torch.Tensor) -> torch.Tensor:
         """Return chunks (B, C, A) of actions in (-1, 1) for states (B, F)."""
-        tokens = self.encoder(self.embed(self.tokenizer(states)))
-        queries = self.queries.expand(len(states), *self.queries.shape)
-        return torch.tanh(self.head(self.norm(self.decoder(queries, tokens))))
+        return self.decide(self.tokenizer(states))
+
+    def decide(self, tokens: torch.Tensor) -> torch.Tensor:
+        """Return chunks (B, C, A) of actions in (-1, 1) for tokens (B, N, size)."""
+        return torch.tanh(self.head(self.norm(self.questions(self.encoder(self.embed(tokens))))))
 
 
 class Ensemble:

@@ -86,13 +86,15 @@ class CloningConfig:
     Args:
         steps: gradient steps.
         batch: frames per step.
-        learning_rate: Adam's.
+        learning_rate: Adam's at the start; it falls to zero along a cosine.
+        input_noise: standard deviation of the noise on normalised inputs, as of the clones in programs.
         checkpoint_every: gradient steps between checkpoints.
     """
 
-    steps: int = 60_000
+    steps: int = 20_000
     batch: int = 128
     learning_rate: float = 1e-3
+    input_noise: float = 0.3
     checkpoint_every: int = 5_000
 
 

@@ -124,7 +124,8 @@ class HindsightBuffer(ReplayBuffer):
         demonstrated = 0 if how.shown is None else batch_size // 2
         batch = self.draw(batch_size - demonstrated, how.relabelled)
         if how.shown is not None:
-            batch = batch.joined(how.shown.draw(how.rng, demonstrated, how.relabelled, how.task))
+            shown = how.shown.draw(how.rng, demonstrated, how.relabelled, how.task)
+            batch = Batch.concatenated([batch, shown])
         columns = (batch.ended[:, None], how.reward(batch)[:, None])
         parts = (batch.states, batch.actions, batch.following, *columns)
         return ReplayBufferSamples(*(torch.from_numpy(part.astype(np.float32)) for part in parts))

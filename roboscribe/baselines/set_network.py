@@ -8,11 +8,12 @@ from torch import nn
 
 from roboscribe.baselines.config import SetConfig
 from roboscribe.baselines.tokens import ABSENT, TokenSpec
+from roboscribe.rl.observation import FINE_CLIP
 from roboscribe.rl.torch_net import mlp
 from roboscribe.world.layout import FloatArray, Layout
 
 CLIP = 5.0
-"""Bound of a normalised attribute, in standard deviations."""
+"""Bound of a normalised attribute or difference, in standard deviations."""
 LEAST_SPREAD = 0.01
 """Least standard deviation by which an attribute is divided, in its unit."""
 
@@ -38,20 +39,27 @@ class Tokenizer(nn.Module):
         self.register_buffer("columns", torch.from_numpy(found), persistent=False)
         self.register_buffer("kinds", torch.from_numpy(spec.kinds(layout)).float(), persistent=False)
         for name, value in (("count", 0.0), ("mean", 0.0), ("variance", 1.0)):
-            self.register_buffer(name, torch.full((spec.width,), value, dtype=torch.float64))
+            self.register_buffer(name, torch.full((spec.width + spec.differences,), value, dtype=torch.float64))
 
     def forward(self, states: torch.Tensor) -> torch.Tensor:
         """Turn states (B, F) into tokens (B, N, size)."""
         raw = self.raw(states)
         spread = self.variance.sqrt().clamp(min=LEAST_SPREAD).float()
         normal = ((raw - self.mean.float()) / spread).clamp(-CLIP, CLIP)
+        differences = raw[..., self.spec.width :]
+        fine = [(differences / scale).clamp(-FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
+        seen = torch.cat([normal, *fine], dim=-1)
         kinds = self.kinds.expand(len(states), *self.kinds.shape)
-        return torch.cat([torch.where(raw.isnan(), 0.0, normal), kinds], dim=-1)
+        return torch.cat([torch.where(seen.isnan(), 0.0, seen), kinds], dim=-1)
 
     def raw(self, states: torch.Tensor) -> torch.Tensor:
-        """Gather the attributes (B, N, width) of states (B, F), in their units; NaN where there is none."""
+        """Gather attributes and differences (B, N, width + differences) of states (B, F), in their units.
+
+        NaN where there is none.
+        """
         padded = torch.cat([states, torch.full_like(states[:, :1], torch.nan)], dim=1)
-        return padded[:, self.columns.flatten()].view(len(states), *self.columns.shape)
+        found = padded[:, self.columns.flatten()].view(len(states), *self.columns.shape)
+        return torch.cat([found, *(found[..., here] - found[..., there] for here, there in self.spec.pairs)], dim=-1)
 
     @torch.no_grad()
     def observe(self, states: FloatArray) -> None:
@@ -95,7 +103,11 @@ class SetActor(nn.Module):
 
     def forward(self, states: torch.Tensor) -> torch.Tensor:
         """Return actions (B, A) in (-1, 1) for states (B, F)."""
-        return torch.tanh(self.head(self.features(self.tokenizer(states))))
+        return self.decide(self.tokenizer(states))
+
+    def decide(self, tokens: torch.Tensor) -> torch.Tensor:
+        """Return actions (B, A) in (-1, 1) for tokens (B, N, size)."""
+        return torch.tanh(self.head(self.features(tokens)))
 
 
 class SetScore(nn.Module):

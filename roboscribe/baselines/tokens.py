@@ -1,17 +1,20 @@
 """One token per entity: what every baseline sees of a state.
 
-A token holds the robot's attributes, the entity's own, its goal's, and its type. A spec names attributes, not columns,
-so it outlives the layout it was built on: the same weights take any number of entities.
+A token holds the robot's attributes, the entity's own, its goal's, the differences of positions among them, and its
+type. A spec names attributes, not columns, so it outlives the layout it was built on: the same weights take any number
+of entities.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
 from roboscribe.errors import ArtifactError
+from roboscribe.rl.observation import FINE_SCALES
 from roboscribe.world.layout import ROBOT, FloatArray, IntArray, Layout, ObjectType
 
 ABSENT = -1
@@ -22,16 +25,17 @@ WIDEST = 1000
 
 @dataclass(frozen=True)
 class Field:
-    """An attribute as a token holds it: its name, how many numbers it has, whether it is the goal's."""
+    """An attribute as a token holds it: its name, how many numbers it has, whether it is the goal's, its unit."""
 
     name: str
     width: int
     goal: bool = False
+    unit: str = "m"
 
 
 def fields_of(kind: ObjectType) -> tuple[Field, ...]:
     """List a type's attributes and its goal's."""
-    return tuple(Field(a.name, a.width, goal) for goal in (False, True) for a in kind.described(goal))
+    return tuple(Field(a.name, a.width, goal, a.unit) for goal in (False, True) for a in kind.described(goal))
 
 
 @dataclass(frozen=True)
@@ -42,11 +46,13 @@ class TokenSpec:
         robot: the robot's attributes.
         entity: attributes that any type of entity has.
         types: types that are told apart.
+        fine: scales of the fine copies of differences, m.
     """
 
     robot: tuple[Field, ...]
     entity: tuple[Field, ...]
     types: tuple[str, ...]
+    fine: tuple[float, ...] = FINE_SCALES
 
     @staticmethod
     def of(layout: Layout) -> TokenSpec:
@@ -60,9 +66,26 @@ class TokenSpec:
         return sum(field.width for field in (*self.robot, *self.entity))
 
     @property
+    def pairs(self) -> tuple[tuple[slice, slice], ...]:
+        """Places of every two positions named alike (unit m), of which the difference is seen, too.
+
+        It is what controllers of programs see of their arguments: a difference of a centimetre decides whether fingers
+        hold a block, and hardly shows in two places on a table.
+        """
+        fields = (*self.robot, *self.entity)
+        ends = np.cumsum([field.width for field in fields]).tolist()
+        places = [(field, slice(end - field.width, end)) for field, end in zip(fields, ends, strict=True)]
+        return tuple((here, there) for (a, there), (b, here) in combinations(places, 2) if _alike(a, b))
+
+    @property
+    def differences(self) -> int:
+        """Numbers of a token that are differences, without their fine copies."""
+        return sum(place.stop - place.start for place, _ in self.pairs)
+
+    @property
     def size(self) -> int:
-        """All numbers of a token: attributes, and one for each type."""
-        return self.width + len(self.types)
+        """All numbers of a token: attributes, differences and their fine copies, and one for each type."""
+        return self.width + self.differences * (1 + len(self.fine)) + len(self.types)
 
     def columns(self, layout: Layout) -> IntArray:
         """Find the column of every attribute in a layout's states, (N, width); `ABSENT` where a type lacks it.
@@ -94,9 +117,11 @@ class TokenSpec:
 
     def to_json(self) -> dict[str, object]:
         """Return plain lists, numbers and strings."""
-        robot = [[field.name, field.width, field.goal] for field in self.robot]
-        entity = [[field.name, field.width, field.goal] for field in self.entity]
-        return {"robot": robot, "entity": entity, "types": list(self.types)}
+        robot, entity = (
+            [[field.name, field.width, field.goal, field.unit] for field in fields]
+            for fields in (self.robot, self.entity)
+        )
+        return {"robot": robot, "entity": entity, "types": list(self.types), "fine": list(self.fine)}
 
     @staticmethod
     def from_json(data: object) -> TokenSpec:
@@ -108,10 +133,16 @@ class TokenSpec:
         found = data if isinstance(data, Mapping) else {}
         try:
             robot, entity = (tuple(_field(row) for row in _list(found[name])) for name in ("robot", "entity"))
-            return TokenSpec(robot, entity, tuple(str(name) for name in _list(found["types"])))
+            types, fine = tuple(str(name) for name in _list(found["types"])), _scales(found["fine"])
+            return TokenSpec(robot, entity, types, fine)
         except (KeyError, TypeError, ValueError) as error:
-            msg = f"token spec cannot be read: {error!r}; expected robot, entity and types"
+            msg = f"token spec cannot be read: {error!r}; expected robot, entity, types and fine"
             raise ArtifactError(msg) from error
+
+
+def _alike(one: Field, other: Field) -> bool:
+    """Tell whether two attributes are positions of which a difference says something."""
+    return one.unit == other.unit == "m" and (one.name, one.width) == (other.name, other.width)
 
 
 def _found(layout: Layout, entity: int, fields: Sequence[Field]) -> list[int]:
@@ -135,9 +166,18 @@ def _list(value: object) -> list[object]:
     return value
 
 
+def _scales(value: object) -> tuple[float, ...]:
+    scales = [scale for scale in _list(value) if isinstance(scale, float) and scale > 0]
+    if len(scales) != len(_list(value)):
+        msg = f"expected scales, found {value!r}"
+        raise ValueError(msg)
+    return tuple(scales)
+
+
 def _field(row: object) -> Field:
-    name, width, goal = _list(row)
-    if not isinstance(name, str) or not isinstance(width, int) or not isinstance(goal, bool) or width > WIDEST:
-        msg = f"expected [name, width, goal], found {row!r}"
+    name, width, goal, unit = _list(row)
+    sound = isinstance(name, str) and isinstance(goal, bool) and isinstance(unit, str)
+    if not sound or not isinstance(width, int) or not 0 < width <= WIDEST:
+        msg = f"expected [name, width, goal, unit], found {row!r}"
         raise TypeError(msg)
-    return Field(name, width, goal)
+    return Field(str(name), width, bool(goal), str(unit))

@@ -12,6 +12,7 @@ from numpy.random import Generator
 from roboscribe.errors import DemonstrationError
 from roboscribe.world import Task, Trajectory
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.rows import Rows
 
 
 @dataclass(frozen=True)
@@ -41,8 +42,8 @@ class Relabeller:
 
 
 @dataclass(frozen=True)
-class Batch:
-    """Transitions to learn from.
+class Batch(Rows):
+    """R transitions to learn from.
 
     Args:
         states: (R, F).
@@ -58,29 +59,10 @@ class Batch:
     solved: BoolArray
     lost: BoolArray
 
-    def __len__(self) -> int:
-        """R."""
-        return len(self.states)
-
     @property
     def ended(self) -> BoolArray:
         """Where nothing follows: success ends an episode and cuts bootstrapping."""
         return self.solved | self.lost
-
-    def take(self, rows: IntArray) -> Batch:
-        """Return some of the transitions."""
-        states, actions, following = self.states[rows], self.actions[rows], self.following[rows]
-        return Batch(states, actions, following, self.solved[rows], self.lost[rows])
-
-    def joined(self, other: Batch) -> Batch:
-        """Append other transitions."""
-        return Batch(
-            np.concatenate([self.states, other.states]),
-            np.concatenate([self.actions, other.actions]),
-            np.concatenate([self.following, other.following]),
-            np.concatenate([self.solved, other.solved]),
-            np.concatenate([self.lost, other.lost]),
-        )
 
     def relabelled(self, rows: BoolArray, reached: FloatArray, task: Task) -> Batch:
         """Replace the goals of `rows` (R,) by what `reached` (rows, F) shows; the task judges anew.

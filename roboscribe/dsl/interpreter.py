@@ -9,7 +9,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.random import Generator
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.machine import Machine
+from roboscribe.dsl.observer import Arrivals, Observer
 from roboscribe.dsl.rewrite import controllers as runs_of
 from roboscribe.dsl.rewrite import free_vars, run_variables, walk
 from roboscribe.dsl.rollouts import FinishedEpisode, Recorder, Rollouts, gather
@@ -75,9 +77,10 @@ def execute(
     batch: int = 64,
     horizon: int | None = None,
     until_end: bool = False,
-    confirm: int = 3,
+    confirm: int = CONFIRM,
     rng: Generator | None = None,
     keep_actions: bool = False,
+    observer: Observer | None = None,
 ) -> Rollouts:
     """Run a program once from every seed's initial state.
 
@@ -96,28 +99,36 @@ def execute(
         confirm: consecutive observed states in which `until` must hold to count as reached.
         rng: draws among the answers of get; None takes the lowest index.
         keep_actions: keep the actions in the trajectories.
+        observer: looks on. With one, controllers may be lacking: an episode that comes to such a one ends there.
 
     Returns:
-        Episodes in the order of `seeds`. With `until_end` False an episode ends as soon as the task is solved; with
-        True as soon as the program ends. Both end at the horizon and on divergence, as failures. A program that is
-        over leaves its last controller acting, and one that never had a controller commands zero.
+        Episodes in the order of `seeds`, but for those that `observer` left out. With `until_end` False an episode ends
+        as soon as the task is solved; with True as soon as the program ends. Both end at the horizon and on divergence,
+        as failures. A program that is over leaves its last controller acting, and one that never had a controller
+        commands zero.
 
     Raises:
-        ProgramError: the program does not type-check for the task, or runs a controller that `controllers` lacks.
+        ProgramError: the program does not type-check for the task, or runs a controller that `controllers` lacks,
+            and nobody looks on.
 
     Source: Exec(M, P) of Sec. 3 and Fig. 14.
     """
     missing = {run.controller for run in runs_of(program)} - set(controllers)
-    if missing:
+    if missing and observer is None:
         given = ", ".join(sorted(controllers)) or "none"
         msg = f"program {program.name} runs π_{', π_'.join(sorted(missing))}; controllers given: {given}"
         raise ProgramError(msg)
     rows = min(batch, max(len(seeds), 1))
     machine = Machine(program, task.layout, rows, limits=limits, confirm=confirm, rng=rng, solved=task.solved)
-    tape = Recorder(task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions)
-    crew = [(at_work(controllers[run.controller], rows), len(run_variables(run))) for run in runs_of(program)]
-    world = task.world(rows)
-    return _Execution(np.asarray(seeds, dtype=np.int64), task, world, machine, tape, crew, until_end).run()
+    recorder = Recorder(
+        task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions
+    )
+    crew = [
+        (at_work(controllers[run.controller], rows) if run.controller in controllers else None, len(run_variables(run)))
+        for run in runs_of(program)
+    ]
+    drawn, looks_on = np.asarray(seeds, dtype=np.int64), observer or Observer()
+    return _Execution(drawn, task, task.world(rows), machine, recorder, crew, until_end, looks_on).run()
 
 
 def at_work(controller: Controller, batch: int) -> Memory:
@@ -133,15 +144,17 @@ class _Execution:
     task: Task
     world: World
     machine: Machine
-    tape: Recorder
-    crew: list[tuple[Memory, int]]
+    recorder: Recorder
+    crew: list[tuple[Memory | None, int]]
     until_end: bool
+    observer: Observer
 
     def __post_init__(self) -> None:
-        rows = len(self.tape.steps)
+        rows = len(self.recorder.steps)
         self._states = np.zeros((rows, self.task.layout.size))
         self._diverged = np.zeros(rows, dtype=np.bool_)
         self._episode = np.zeros(rows, dtype=np.int64)
+        self._known = np.array([*(memory is not None for memory, _ in self.crew), True], dtype=np.bool_)
         self._next = 0
         self._finished: dict[int, FinishedEpisode] = {}
 
@@ -152,29 +165,34 @@ class _Execution:
             while len(fresh := self._begin(over)):
                 started, over = self._judge(fresh)
                 acting = np.sort(np.concatenate((acting, started)))
+            if not self.observer.allows(len(acting)):
+                break
             if len(acting):
                 self._step(acting)
             rows = acting
-        return gather(self.task.layout, [self._finished[index] for index in range(len(self.seeds))])
+        return gather(self.task.layout, [episode for _, episode in sorted(self._finished.items())])
 
     def _begin(self, rows: IntArray) -> IntArray:
         """Start the next episodes in `rows`; return the rows for which there was one."""
+        if not self.observer.wants_episodes():
+            return rows[:0]
         rows = rows[: len(self.seeds) - self._next]
         if len(rows):
             self._episode[rows] = np.arange(self._next, self._next + len(rows))
             self._next += len(rows)
             self._states[rows] = self.world.reset(rows, self.seeds[self._episode[rows]])
             self._diverged[rows] = False
-            self.tape.start(rows, self._states[rows])
+            self.recorder.start(rows, self._states[rows])
             self.machine.reset(rows)
             for controller, _ in self.crew:
-                controller.forget(rows)
+                if controller is not None:
+                    controller.forget(rows)
         return rows
 
     def _judge(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Look at the new states of `rows`: return those that act next, and those whose episode is over."""
         diverged = self._diverged[rows]
-        lost = diverged | (self.tape.steps[rows] >= self.tape.horizon)
+        lost = diverged | (self.recorder.steps[rows] >= self.recorder.horizon)
         if self.until_end:
             self.machine.advance(rows[~diverged], self._states[rows[~diverged]])
             lost |= self.machine.stuck[rows]
@@ -184,19 +202,27 @@ class _Execution:
         over = success | lost
         if not self.until_end:
             self.machine.advance(rows[~over], self._states[rows[~over]])
+        lines = self.machine.run_index[rows]
+        over |= ~self._known[lines]  # the last one stands for -1, no controller at all
+        over |= self._seen(rows)
         self._finish(rows[over], success[over])
         return rows[~over], rows[over]
 
+    def _seen(self, rows: IntArray) -> BoolArray:
+        """Show the new states of `rows` to the observer; return which (R,) it ends."""
+        steps, states = self.recorder.steps[rows], self._states[rows]
+        return self.observer.see(Arrivals(rows, self._episode[rows], steps, states, self.world, self.machine))
+
     def _finish(self, rows: IntArray, success: BoolArray) -> None:
         for row, solved in zip(rows.tolist(), success.tolist(), strict=True):
-            episode = self.tape.cut(row, solved, bool(self._diverged[row]), self.machine.bound[row])
+            episode = self.recorder.cut(row, solved, bool(self._diverged[row]), self.machine.bound[row])
             self._finished[int(self._episode[row])] = episode
 
     def _step(self, rows: IntArray) -> None:
         lines = self.machine.run_index[rows]
         actions = self._command(rows, lines, self._states[rows], self.machine.entities(rows))
         states = self.world.step(rows, actions)
-        self.tape.step(rows, actions, lines, self.machine.served[rows], states)
+        self.recorder.step(rows, actions, lines, self.machine.served[rows], states)
         self._states[rows] = states
         self._diverged[rows] = self.world.diverged(rows)
 
@@ -207,6 +233,7 @@ class _Execution:
             if line >= 0:
                 here = np.flatnonzero(lines == line)
                 controller, count = self.crew[line]
+                assert controller is not None, "a row that comes to an unknown controller ends there"
                 actions[here] = controller.act(rows[here], states[here], entities[here, :count])
         return actions
 

@@ -8,6 +8,7 @@ from typing import TypeAlias, assert_never
 import numpy as np
 from numpy.random import Generator
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.compile import NOWHERE, Act, Bind, Branch, End, Jump, compile_program
 from roboscribe.dsl.rewrite import assigned
 from roboscribe.dsl.semantics import SolvedTest, holds
@@ -49,7 +50,7 @@ class Machine:
         batch: int,
         *,
         limits: Mapping[str, int],
-        confirm: int = 3,
+        confirm: int = CONFIRM,
         rng: Generator | None = None,
         solved: SolvedTest | None = None,
         prefers: Preference | None = None,

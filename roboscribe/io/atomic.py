@@ -7,7 +7,6 @@ file without a living owner is rubbish of a dead process, and the next writer in
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -22,6 +21,7 @@ from platform import python_version
 from typing import NoReturn, TypeAlias
 
 from roboscribe.errors import ArtifactError
+from roboscribe.io.lock import try_lock
 
 Json: TypeAlias = "bool | int | float | str | Sequence[Json] | Mapping[str, Json] | None"
 
@@ -186,7 +186,7 @@ def _reserve(path: Path) -> _Staged:
     while True:
         hidden = path.with_name(f".{path.name}.{secrets.token_hex(8)}{_SUFFIX}")
         descriptor = os.open(hidden, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-        if _lock(descriptor) and os.fstat(descriptor).st_nlink:
+        if try_lock(descriptor) and os.fstat(descriptor).st_nlink:
             return _Staged(hidden, descriptor)
         os.close(descriptor)
 
@@ -215,21 +215,12 @@ def _remove_if_orphan(path: Path) -> bool:
     except OSError:  # renamed or removed since it was listed, or not ours to open
         return False
     try:
-        if not _lock(descriptor):
+        if not try_lock(descriptor):
             return False
         path.unlink(missing_ok=True)
         return True
     finally:
         os.close(descriptor)
-
-
-def _lock(descriptor: int) -> bool:
-    """Take the exclusive lock of an open file; False when another process or descriptor holds it."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 def _refuse_constant(name: str) -> NoReturn:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from roboscribe.defaults import N_DEMONSTRATIONS
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.arrays import States, digest_of, trajectories_of
 from roboscribe.io.atomic import sha256_of
@@ -51,7 +52,7 @@ class Demonstrations:
         return cls(trajectories, digest_of(trajectories))
 
     @classmethod
-    def collected(cls, task: Task, episodes: int = 50, seed: int = 0) -> Demonstrations:
+    def collected(cls, task: Task, episodes: int = N_DEMONSTRATIONS, seed: int = 0) -> Demonstrations:
         """Let the task's own demonstrator show what to do.
 
         Raises:

@@ -13,6 +13,7 @@ from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.torch_net import layers_of, mlp, single_thread
 from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.rows import Rows
 
 MAX_GRADIENT = 10.0
 """Norm to which a step's gradient is clipped: lets ordinary steps through and takes the sting out of a rare outlier."""
@@ -21,21 +22,16 @@ MOST_LOG_STD = 2.0
 
 
 @dataclass(frozen=True)
-class CloningSamples:
+class CloningSamples(Rows):
     """Demonstrated frames of one skill: states (M, F), bound entities (M, n), actions (M, A) in [-1, 1]."""
 
     states: FloatArray
     entities: IntArray
     actions: FloatArray
 
-    def __len__(self) -> int:
-        """M."""
-        return len(self.states)
-
     def known(self) -> CloningSamples:
         """Leave out frames whose action is unknown (NaN)."""
-        rows = ~np.isnan(self.actions).any(axis=1)
-        return CloningSamples(self.states[rows], self.entities[rows], self.actions[rows])
+        return self.take(~np.isnan(self.actions).any(axis=1))
 
 
 def initial_skill(skill: Skill, action_size: int, hidden: tuple[int, ...], seed: int) -> Skill:

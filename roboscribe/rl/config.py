@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
+
+from roboscribe.defaults import CONFIRM
 
 Profile: TypeAlias = Literal["actions", "states", "paper", "scripted"]
 """What may be learned from; `scripted` learns nothing and takes the controllers that the task brings."""
@@ -164,6 +166,10 @@ class PoolConfig:
     batch: int = 64
 
 
+BLIND = PpoConfig(critic_iterations=0, noise=0.5)
+"""PPO that explores widely from the first iteration on, for a skill that has no warm start."""
+
+
 @dataclass(frozen=True)
 class TrainConfig:
     """How skills are trained.
@@ -180,7 +186,10 @@ class TrainConfig:
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
         worth_improving: share of them that must succeed.
-        blind_noise: exploration, pre-tanh, of an attempt on ψ_R itself.
+        pool, clone, inverse: of start states, of cloning, and of actions inferred from states.
+        learner: what improves a warm start, chosen by the type of its settings: PPO, or SAC from scratch.
+        blind: of an attempt on ψ_R itself, which is PPO whatever the learner: it has no time for a replay buffer, and
+            nothing to lose.
     """
 
     profile: Profile = "actions"
@@ -190,17 +199,21 @@ class TrainConfig:
     learning: float = 0.5
     first_budget: int = 60_000
     opaque_budget: int = 10_000
-    confirm: int = 3
+    confirm: int = CONFIRM
     screening: int = 32
     worth_improving: float = 0.5
-    blind_noise: float = 0.5
     pool: PoolConfig = field(default_factory=PoolConfig)
     clone: CloneConfig = field(default_factory=CloneConfig)
     inverse: InverseConfig = field(default_factory=InverseConfig)
-    ppo: PpoConfig = field(default_factory=PpoConfig)
-    sac: SacConfig = field(default_factory=SacConfig)
+    learner: PpoConfig | SacConfig = field(default_factory=PpoConfig)
+    blind: PpoConfig = BLIND
 
     @property
     def learning_steps(self) -> int:
         """Control steps that reinforcement learning of one skill may take."""
         return round(self.learning * self.budget)
+
+    def for_profile(self, profile: Profile) -> TrainConfig:
+        """Return the settings of a profile: `paper` learns by SAC from scratch, as the paper does."""
+        usual = self.learner if profile != "paper" or isinstance(self.learner, SacConfig) else SacConfig()
+        return replace(self, profile=profile, learner=usual)

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from roboscribe.dsl.interpreter import Controller
 from roboscribe.rl.clone import gaussian_loss
 from roboscribe.rl.config import InverseConfig
 from roboscribe.rl.observation import CLIP, Encoder, ObservationSpec
 from roboscribe.rl.pool import StartPool
-from roboscribe.rl.skill_env import Controller
 from roboscribe.rl.torch_net import mlp, single_thread
 from roboscribe.world.layout import FloatArray, IntArray, Layout
+from roboscribe.world.rows import Rows
 from roboscribe.world.task import World
 
 ALL_UNITS = ("m", "rad", "1", "m/s", "rad/s")
@@ -35,26 +35,13 @@ LEAST_CHANGE = 1e-6
 
 
 @dataclass(frozen=True)
-class Transitions:
+class Transitions(Rows):
     """Control steps: states before and after (M, F), bound entities (M, n), actions (M, A) in [-1, 1]."""
 
     before: FloatArray
     after: FloatArray
     entities: IntArray
     actions: FloatArray
-
-    def __len__(self) -> int:
-        """M."""
-        return len(self.before)
-
-    def joined(self, other: Transitions) -> Transitions:
-        """Append other transitions."""
-        return Transitions(
-            np.concatenate([self.before, other.before]),
-            np.concatenate([self.after, other.after]),
-            np.concatenate([self.entities, other.entities]),
-            np.concatenate([self.actions, other.actions]),
-        )
 
 
 def probe(world: World, snapshots: FloatArray, entities: IntArray, actions: FloatArray) -> Transitions:
@@ -104,7 +91,7 @@ def _run(
             found.append(Transitions(before[sound], after[sound], entities[part][sound], done[sound]))
             before = after
     empty = np.zeros((0, 0))
-    return reduce(Transitions.joined, found) if found else Transitions(empty, empty, entities[:0], empty)
+    return Transitions.concatenated(found) if found else Transitions(empty, empty, entities[:0], empty)
 
 
 def random_actions(steps: int, count: int, size: int, rng: np.random.Generator) -> FloatArray:

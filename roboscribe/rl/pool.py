@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roboscribe.rl.config import PoolConfig
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.rows import Rows
 
 
 @dataclass(frozen=True)
-class StartPool:
-    """Snapshots a skill may start from.
+class StartPool(Rows):
+    """P snapshots a skill may start from.
 
     Args:
         snapshots: (P, S) as `World.save` gives them.
@@ -28,16 +29,6 @@ class StartPool:
     entities: IntArray
     elapsed: IntArray
     episode: IntArray
-
-    def __len__(self) -> int:
-        """P."""
-        return len(self.snapshots)
-
-    def take(self, rows: IntArray) -> StartPool:
-        """Return the starts at `rows`."""
-        return StartPool(
-            self.snapshots[rows], self.states[rows], self.entities[rows], self.elapsed[rows], self.episode[rows]
-        )
 
     def capped(self, tries: int) -> StartPool:
         """Keep the first `tries` starts with the same entities of each episode, lest failing again fills the pool."""
@@ -63,10 +54,4 @@ class StartPool:
     def joined(self, other: StartPool) -> StartPool:
         """Append another pool, whose episodes are counted on from this one's."""
         shift = int(self.episode[-1]) + 1 if len(self) else 0
-        return StartPool(
-            np.concatenate([self.snapshots, other.snapshots]),
-            np.concatenate([self.states, other.states]),
-            np.concatenate([self.entities, other.entities]),
-            np.concatenate([self.elapsed, other.elapsed]),
-            np.concatenate([self.episode, other.episode + shift]),
-        )
+        return StartPool.concatenated([self, replace(other, episode=other.episode + shift)])

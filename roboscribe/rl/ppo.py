@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from math import inf
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -15,53 +13,14 @@ from rsl_rl.runners import OnPolicyRunner
 
 from roboscribe.rl.checkpoint import Arrays, prefixed, read_checkpoint, under, write_checkpoint
 from roboscribe.rl.config import PpoConfig
-from roboscribe.rl.pool import StartPool
+from roboscribe.rl.learner import Learned, LearnerTask, Log, no_log
 from roboscribe.rl.rsl import RslEnv, build_runner
 from roboscribe.rl.skill import Layers, Skill, layer_arrays, layers_from
-from roboscribe.rl.skill_env import SkillEnv, Verdict
-from roboscribe.rl.subtask import Subtask
+from roboscribe.rl.skill_env import SkillEnv
 from roboscribe.rl.torch_net import layers_of, load_layers, load_optimizer, optimizer_arrays, single_thread
-
-Log: TypeAlias = Callable[[Mapping[str, float], int], None]
-"""Receives metrics by name, and the control steps spent so far."""
-
 
 COUNTS = ("iteration", "unimproved", "evaluating", "success")
 """Numbers of a run that its checkpoint keeps."""
-
-
-def silent(metrics: Mapping[str, float], step: int) -> None:
-    """Log nothing."""
-
-
-@dataclass(frozen=True)
-class LearnerTask:
-    """What a learner needs to know of a skill's surroundings.
-
-    Args:
-        subtask: what the skill must reach.
-        pool: its start states.
-        evaluate: measures a skill's success on fixed starts; told the success that it has to beat.
-        target: success at which learning may stop.
-        budget: control steps that learning may take, evaluations not counted.
-        most: control steps that may be spent before the last evaluation, earlier evaluations counted.
-    """
-
-    subtask: Subtask
-    pool: StartPool
-    evaluate: Callable[[Skill, float], Verdict]
-    target: float
-    budget: int
-    most: float = inf
-
-
-@dataclass(frozen=True)
-class Learned:
-    """Best skill found, its success on the fixed starts, and all control steps spent, evaluations included."""
-
-    skill: Skill
-    success: float
-    control_steps: int
 
 
 @dataclass
@@ -87,7 +46,7 @@ def train_ppo(
     task: LearnerTask,
     config: PpoConfig,
     seed: int,
-    log: Log = silent,
+    log: Log = no_log,
     checkpoint: Path | None = None,
 ) -> Learned:
     """Improve a skill by PPO; what is returned never evaluates worse than the skill given.

@@ -14,8 +14,8 @@ from stable_baselines3 import SAC
 from stable_baselines3.common.logger import KVWriter, Logger
 
 from roboscribe.rl.config import SacConfig
+from roboscribe.rl.learner import Learned, LearnerTask, Log, no_log
 from roboscribe.rl.observation import Encoder
-from roboscribe.rl.ppo import Learned, LearnerTask, Log, silent
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.skill_env import SkillEnv
 from roboscribe.rl.torch_net import layers_of, single_thread
@@ -75,7 +75,7 @@ class Metrics(KVWriter):
 
 
 def train_sac(
-    skill: Skill, task: LearnerTask, config: SacConfig, seed: int, log: Log = silent, activation: str = "relu"
+    skill: Skill, task: LearnerTask, config: SacConfig, seed: int, log: Log = no_log, activation: str = "relu"
 ) -> Learned:
     """Learn a skill from scratch by SAC; the best evaluated policy is kept.
 

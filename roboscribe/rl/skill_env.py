@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from roboscribe.dsl.interpreter import Controller
 from roboscribe.rl.checkpoint import Arrays
 from roboscribe.rl.config import PoolConfig
 from roboscribe.rl.pool import StartPool
@@ -26,13 +27,6 @@ HOPELESS = 0.1
 of 90 % is uncertain by 4 points, so that one that is better over all is seldom dropped."""
 IDLE = -1
 """Rank of the start of a row that attempts none."""
-
-
-class Controller(Protocol):
-    """Anything that turns states and bound entities into actions."""
-
-    def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
-        """Return actions (R, A) for states (R, F) and bound entities (R, n)."""
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,15 @@ from math import inf
 
 import numpy as np
 
-from roboscribe.dsl.interpreter import Machine
+from roboscribe.defaults import CONFIRM
+from roboscribe.dsl.interpreter import Controller, execute
+from roboscribe.dsl.observer import Arrivals, Observer
 from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program
-from roboscribe.rl.config import PoolConfig, TrainConfig
+from roboscribe.rl.config import PoolConfig
 from roboscribe.rl.pool import StartPool
-from roboscribe.rl.skill_env import Controller
-from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.task import Task
-
-IDLE = -1
-"""Rank of the episode of a row that runs none."""
 
 
 @dataclass(frozen=True)
@@ -37,82 +35,59 @@ class Prefix:
     targets: tuple[int, ...]
     skills: Mapping[str, Controller]
     limits: Mapping[str, int]
-    confirm: int = TrainConfig.confirm
+    confirm: int = CONFIRM
 
 
-class _Collection:
-    """Episodes in flight, and the starts found so far."""
+class _Collector(Observer):
+    """Keeps the states in which a program comes to the target, until there are enough of them."""
 
-    def __init__(self, prefix: Prefix, task: Task, batch: int, rng: np.random.Generator) -> None:
-        self.prefix, self.task = prefix, task
-        self.runs = controllers(prefix.program)
-        self.world = task.world(batch)
-        self.machine = Machine(
-            prefix.program,
-            task.layout,
-            batch,
-            limits=prefix.limits,
-            confirm=prefix.confirm,
-            rng=rng,
-            solved=task.solved,
-        )
-        self.episode = np.full(batch, IDLE, np.int64)
-        self.steps = np.zeros(batch, np.int64)
+    def __init__(self, prefix: Prefix, task: Task, wanted: int, batch: int, most: float) -> None:
+        self.prefix, self.task, self.wanted, self.most = prefix, task, wanted, most
+        self.arguments = len(run_variables(controllers(prefix.program)[prefix.targets[0]]))
         self.visits = np.zeros(batch, np.int64)
-        self.states = np.zeros((batch, task.layout.size))
         self.found: list[tuple[int, int, FloatArray, FloatArray, IntArray]] = []
+        self.snapshot_size = self.spent = 0
 
-    def begin(self, rows: IntArray, seeds: IntArray, first: int) -> None:
-        """Start one episode per row."""
-        self.states[rows] = self.world.reset(rows, seeds)
-        self.machine.reset(rows)
-        self.episode[rows] = np.arange(first, first + len(rows))
-        self.steps[rows], self.visits[rows] = 0, 0
-        self._observe(rows)
+    def see(self, arrivals: Arrivals) -> BoolArray:
+        """Keep rows in which the target takes over; end those whose task is solved or that no controller acts in."""
+        rows, machine = arrivals.rows, arrivals.machine
+        self.spent = arrivals.world.control_steps
+        self.snapshot_size = self.snapshot_size or arrivals.world.save(rows[:1]).shape[1]
+        self.visits[rows[arrivals.steps == 0]] = 0
+        over = machine.ended[rows] | self.task.solved(arrivals.states)
+        fresh = ~over & (machine.visit[rows] != self.visits[rows])
+        self._keep(arrivals, np.flatnonzero(np.isin(machine.run_index[rows], self.prefix.targets) & fresh))
+        self.visits[rows] = machine.visit[rows]
+        return np.asarray(over | (machine.run_index[rows] < 0), np.bool_)
 
-    def _observe(self, rows: IntArray) -> None:
-        """Let the program decide; keep rows in which the target takes over, end those it cannot go on with."""
-        self.machine.advance(rows, self.states[rows])
-        now, visits = self.machine.run_index[rows], self.machine.visit[rows]
-        fresh = ~self.machine.ended[rows] & ~self.task.solved(self.states[rows])
-        self._keep(rows[np.isin(now, self.prefix.targets) & (visits != self.visits[rows]) & fresh])
-        self.visits[rows] = visits
-        known = np.array([run.controller in self.prefix.skills for run in self.runs])
-        over = (now < 0) | ~known[now] | ~fresh | self.world.diverged(rows)
-        self.episode[rows[over | (self.steps[rows] >= self.task.horizon)]] = IDLE
-
-    def _keep(self, rows: IntArray) -> None:
-        if not len(rows):
+    def _keep(self, arrivals: Arrivals, ranks: IntArray) -> None:
+        if not len(ranks):
             return
-        bound = self.machine.entities(rows)[:, : len(run_variables(self.runs[self.prefix.targets[0]]))]
-        for row, snapshot, entities in zip(rows, self.world.save(rows), bound, strict=True):
-            when = int(self.episode[row]), int(self.steps[row])
-            self.found.append((*when, snapshot, self.states[row].copy(), entities))
+        rows = arrivals.rows[ranks]
+        snapshots, bound = arrivals.world.save(rows), arrivals.machine.entities(rows)[:, : self.arguments]
+        for rank, snapshot, entities in zip(ranks, snapshots, bound, strict=True):
+            when = int(arrivals.episodes[rank]), int(arrivals.steps[rank])
+            self.found.append((*when, snapshot, arrivals.states[rank].copy(), entities))
 
-    def step(self) -> None:
-        """Let the active controllers act once in every row in flight."""
-        rows = np.flatnonzero(self.episode != IDLE)
-        actions = np.zeros((len(rows), self.task.action_size))
-        for rank, run in enumerate(self.runs):
-            mine = np.flatnonzero(self.machine.run_index[rows] == rank)
-            if len(mine):
-                bound = self.machine.entities(rows[mine])[:, : len(run_variables(run))]
-                actions[mine] = self.prefix.skills[run.controller].act(self.states[rows[mine]], bound)
-        self.states[rows] = self.world.step(rows, actions)
-        self.steps[rows] += 1
-        self._observe(rows)
+    def wants_episodes(self) -> bool:
+        """Tell whether starts are lacking."""
+        return len(self.found) < self.wanted
 
-    def pool(self, entities: int) -> StartPool:
-        """Assemble the starts in order of their episodes."""
+    def allows(self, steps: int) -> bool:
+        """Tell whether so many more control steps may be spent."""
+        return self.spent + steps <= self.most
+
+    def pool(self) -> StartPool:
+        """Assemble the starts in order of their episodes, no more than are wanted."""
         found = sorted(self.found, key=lambda start: start[:2])
-        size = self.world.save(np.zeros(1, np.int64)).shape[1]
-        return StartPool(
-            np.array([snapshot for _, _, snapshot, *_ in found]).reshape(len(found), size),
+        pool = StartPool(
+            np.array([snapshot for _, _, snapshot, *_ in found]).reshape(len(found), self.snapshot_size),
             np.array([state for *_, state, _ in found]).reshape(len(found), self.task.layout.size),
-            np.array([bound for *_, bound in found], np.int64).reshape(len(found), entities),
+            np.array([bound for *_, bound in found], np.int64).reshape(len(found), self.arguments),
             np.array([steps for _, steps, *_ in found], np.int64),
             np.array([episode for episode, *_ in found], np.int64),
         )
+        return pool.take(np.arange(min(self.wanted, len(found))))
 
 
 def collect_starts(
@@ -141,18 +116,18 @@ def collect_starts(
     Departs: the paper fills a replay buffer per controller from whole-program runs (Sec. 4.3.3); the states visited
         are the same.
     """
-    collection = _Collection(prefix, task, min(batch, len(seeds)), rng)
-    launched = 0
-    while True:
-        free = np.flatnonzero(collection.episode == IDLE)[: len(seeds) - launched]
-        if len(free) and len(collection.found) < wanted:
-            collection.begin(free, seeds[launched : launched + len(free)], launched)
-            launched += len(free)
-            continue
-        flying = int((collection.episode != IDLE).sum())
-        if not flying or collection.world.control_steps + flying > most:
-            entities = len(run_variables(collection.runs[prefix.targets[0]]))
-            return collection.pool(entities).take(
-                np.arange(min(wanted, len(collection.found)))
-            ), collection.world.control_steps
-        collection.step()
+    rows = min(batch, len(seeds))
+    collector = _Collector(prefix, task, wanted, rows, most)
+    execute(
+        prefix.program,
+        prefix.skills,
+        task,
+        seeds,
+        limits=prefix.limits,
+        batch=rows,
+        until_end=True,
+        confirm=prefix.confirm,
+        rng=rng,
+        observer=collector,
+    )
+    return collector.pool(), collector.spent

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.semantics import Binding, holds
 from roboscribe.dsl.syntax import Not, Predicate, Solved, Truth
 from roboscribe.reward import reward
-from roboscribe.rl.config import TrainConfig
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.task import Task
 
@@ -41,7 +41,8 @@ class Subtask:
         variables: names of the entities a start state binds, in order.
         limit: control steps allowed.
         confirm: consecutive steps for which φ must hold.
-        onward: where it is true the program goes on once φ is reached; elsewhere it is over, and ψ_R is wanted, too.
+        continues_if: where it is true the program goes on once φ is reached; elsewhere it is over, and ψ_R is wanted,
+            too.
         scales: unit of each atom's margin, by the text of its left term.
         invariant: what a loop around the skill brings about, one entity after the other; what stands must stay.
     """
@@ -50,7 +51,7 @@ class Subtask:
     until: Predicate
     variables: tuple[str, ...]
     limit: int
-    confirm: int = TrainConfig.confirm
+    confirm: int = CONFIRM
     continues_if: Predicate = field(default_factory=Truth)
     scales: Mapping[str, float] = field(default_factory=dict)
     invariant: Invariant | None = None

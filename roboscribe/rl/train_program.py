@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, assert_never
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
-from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.config import PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import ALL_UNITS
+from roboscribe.rl.learner import Learned, LearnerTask, Log
 from roboscribe.rl.pool import StartPool
-from roboscribe.rl.ppo import Learned, LearnerTask, Log, train_ppo
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.program_training import SEEDS, ProgramTraining
 from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill import Skill
@@ -27,7 +28,7 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 """Receives a controller's name, metrics by name, and the control steps spent on it so far."""
 
 
-def quiet(controller: str, metrics: Mapping[str, float], step: int) -> None:
+def no_log(controller: str, metrics: Mapping[str, float], step: int) -> None:
     """Log nothing."""
 
 
@@ -83,7 +84,7 @@ def train_program(
     library: Mapping[str, Skill],
     config: TrainConfig,
     seed: int,
-    log: ProgramLog = quiet,
+    log: ProgramLog = no_log,
     checkpoints: Path | None = None,
     solve: bool = True,
 ) -> TrainingResult:
@@ -268,7 +269,7 @@ def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
     config = training.config
     if isinstance(run.until, Solved):
         return min(config.opaque_budget, config.budget)
-    if training.solve or config.profile == "paper":
+    if training.solve or isinstance(config.learner, SacConfig):
         return config.learning_steps
     first = run is training.runs[0]
     if rate < config.worth_improving and (first or config.profile == "actions"):
@@ -279,17 +280,15 @@ def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
 def _reinforce(
     training: ProgramTraining, warm: Skill, rate: float, task: LearnerTask, log: Log, progress: Path | None
 ) -> tuple[Learned, str]:
-    """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too.
-
-    An attempt on ψ_R itself is PPO in every profile: it has no time for a replay buffer, and nothing to lose.
-    """
+    """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too."""
     config, seed = training.config, training.seed_of(f"{warm.name} learner")
-    if task.subtask.opaque:
-        blind = replace(config.ppo, critic_iterations=0, noise=config.blind_noise)
-        return train_ppo(warm, rate, task, blind, seed, log, progress), "ppo"
-    if config.profile == "paper":
-        return train_sac(warm, task, config.sac, seed, log), "sac"
-    return train_ppo(warm, rate, task, config.ppo, seed, log, progress), "ppo"
+    match config.blind if task.subtask.opaque else config.learner:
+        case PpoConfig() as settings:
+            return train_ppo(warm, rate, task, settings, seed, log, progress), "ppo"
+        case SacConfig() as settings:
+            return train_sac(warm, task, settings, seed, log), "sac"
+        case other:
+            assert_never(other)
 
 
 def _warm_start(
@@ -298,28 +297,34 @@ def _warm_start(
     """Return the best of what was known before and of clones, its success, and what gave it."""
     fresh = training.fresh_skill(run, pool)
     known, learner = (skills[run.controller], "kept") if run.controller in skills else (fresh, "initial")
-    if learner == "initial" and (cloned := _clone(training, run, fresh, pool, evaluator)) is not None:
+    if learner == "initial" and (cloned := _clone(training, run, pool, evaluator)) is not None:
         return *cloned, "clone"
     rate = evaluator(known).rate
     if learner == "kept" and rate < training.target(run):
-        cloned = _clone(training, run, fresh, pool, evaluator)
+        cloned = _clone(training, run, pool, evaluator)
         if cloned is not None and cloned[1] > rate:
             return *cloned, "clone"
     return known, rate, learner
 
 
 def _clone(
-    training: ProgramTraining, run: Run, fresh: Skill, pool: StartPool, evaluator: SkillEvaluator
+    training: ProgramTraining, run: Run, pool: StartPool, evaluator: SkillEvaluator
 ) -> tuple[Skill, float] | None:
     """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
     config, frames = training.config, training.frames(run)
-    if frames is None or config.profile == "paper" or isinstance(run.until, Solved):
+    if frames is None or isinstance(run.until, Solved):
         return None
-    seed = training.seed_of(f"{run.controller} clone")
-    if config.profile == "states":
-        spec = training.spec(run, ALL_UNITS, ALL_UNITS)
-        return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
-    return clone_frames(fresh, frames.samples(), evaluator, config, seed)
+    seed, fresh = training.seed_of(f"{run.controller} clone"), training.fresh_skills(run, pool)
+    match config.profile:
+        case "actions":
+            return clone_frames(fresh, frames.samples(), evaluator, config, seed)
+        case "states":
+            spec = training.spec(run, ALL_UNITS, ALL_UNITS)
+            return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
+        case "paper" | "scripted":
+            return None
+        case other:
+            assert_never(other)
 
 
 def _write(path: Path, identity: Mapping[str, object], skill: Skill, report: SkillReport) -> None:

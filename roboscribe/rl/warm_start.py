@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator
 from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.rows import Rows
 from roboscribe.world.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
-class Frames:
-    """Demonstrated frames of one skill.
+class Frames(Rows):
+    """M demonstrated frames of one skill.
 
     Args:
         states: (M, F).
@@ -38,10 +39,6 @@ class Frames:
     actions: FloatArray
     snapshots: FloatArray
     simulated: IntArray
-
-    def __len__(self) -> int:
-        """M."""
-        return len(self.states)
 
     def samples(self) -> CloningSamples:
         """Return the frames whose actions are known."""
@@ -77,26 +74,20 @@ def frames_of(part: Segment, demonstration: Trajectory, beyond: int, actions: bo
 def joined(parts: Sequence[Frames]) -> Frames:
     """Concatenate frames; snapshots are dropped where some demonstrations lack them."""
     stored = len({part.snapshots.shape[1] for part in parts}) == 1
-    return Frames(
-        np.concatenate([part.states for part in parts]),
-        np.concatenate([part.following for part in parts]),
-        np.concatenate([part.entities for part in parts]),
-        np.concatenate([part.actions for part in parts]),
-        np.concatenate([part.snapshots if stored else part.snapshots[:, :0] for part in parts]),
-        np.concatenate([part.simulated for part in parts]),
-    )
+    return Frames.concatenated([part if stored else replace(part, snapshots=part.snapshots[:, :0]) for part in parts])
 
 
 def clone_frames(
-    fresh: Skill, samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
+    fresh: Sequence[Skill], samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
 ) -> tuple[Skill, float] | None:
     """Return the first clone that reaches the target in rollouts, else the best; None where there is nothing to clone.
 
-    Clones are tried of one seed after the other, each seed's latest checkpoint first, as long as the budget lasts.
+    Clones are tried of one seed after the other, each seed's latest checkpoint first, as long as the budget lasts;
+    where there are several `fresh` skills, that see more and more, each seed takes the next.
     """
     best: tuple[Skill, float] | None = None
     for attempt in range(config.clone.attempts if len(samples) else 0):
-        for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
+        for _, skill in reversed(list(clone(fresh[attempt % len(fresh)], samples, config.clone, seed + attempt))):
             if best is not None and evaluator.rest < 0:
                 return best
             rate = evaluator(skill, 0.0 if best is None else best[1]).rate
@@ -108,7 +99,7 @@ def clone_frames(
 
 
 def clone_states(
-    fresh: Skill,
+    fresh: Sequence[Skill],
     frames: Frames,
     pool: StartPool,
     spec: ObservationSpec,
@@ -123,7 +114,7 @@ def clone_states(
     inverse model is fitted again, to the clone's own rollouts too.
 
     Args:
-        fresh: gives name, observation and layout.
+        fresh: give name, observation and layout, see `clone_frames`.
         frames: demonstrated; their actions are not used.
         pool: start states of the skill.
         spec: what the inverse model sees of a state.
@@ -135,7 +126,7 @@ def clone_states(
     data = _first_tries(frames, pool, evaluator, config, rng)
     best: tuple[Skill, float] | None = None
     for turn in range(config.inverse.rounds if len(data) else 0):
-        model = fit_inverse(spec, fresh.layout, data, config.inverse, seed + turn)
+        model = fit_inverse(spec, fresh[0].layout, data, config.inverse, seed + turn)
         done = model.infer(frames.states, frames.following, frames.entities)
         found = clone_frames(
             fresh, CloningSamples(frames.states, frames.entities, done), evaluator, config, seed + turn
@@ -144,7 +135,8 @@ def clone_states(
             best = found
         if best is None or best[1] >= config.target or evaluator.rest < len(pool) * config.inverse.rollout_steps:
             break
-        data = data.joined(explore(evaluator.world, pool, best[0], config.inverse, rng))
+        own = explore(evaluator.world, pool, best[0], config.inverse, rng)
+        data = Transitions.concatenated([data, own])
     return best
 
 

@@ -164,13 +164,12 @@ class Candidate:
         return round(price - BIT_GAIN * self.bits, 3)
 
     @property
-    def rank(self) -> tuple[float | bool | str, ...]:
-        """Sort key, best first: the written order of preference.
+    def levels(self) -> tuple[float | bool, ...]:
+        """What differs in kind between candidates; those that differ only by degrees may prove to be better.
 
         It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities and
         fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with the predecessors;
-        is not often true at the start; accepts few failures; is reached early, is small, says much and accepts fewer
-        still; has a wide margin.
+        is not often true at the start; accepts few failures.
         """
         return (
             not self.advances,
@@ -184,10 +183,15 @@ class Candidate:
             self.standing,
             self.initial > OFTEN,
             level(self.accepted, LEVELS),
-            self.cost,
-            -self.margin,
-            str(self.predicate),
         )
+
+    @property
+    def rank(self) -> tuple[float | bool | str, ...]:
+        """Sort key, best first: the written order of preference.
+
+        What `levels` says; then it is reached early, is small, says much and accepts fewer still; has a wide margin.
+        """
+        return (*self.levels, self.cost, -self.margin, str(self.predicate))
 
 
 def enough_said(bits: float, crossings: int, choices: int) -> bool:

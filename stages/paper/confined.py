@@ -38,7 +38,7 @@ class Measurement:
         seed: that decided it.
         way: "old guard", "new guard" or "zero-shot".
         loop: line that begins its loop; "" for baselines.
-        shown: demonstrations from which the guard was learned.
+        n_demonstrations: demonstrations from which the guard was learned.
         demonstrations: their SHA-256; "" where none were used.
         contact: contact model.
         timing: simulator steps per control step.
@@ -55,7 +55,7 @@ class Measurement:
     seed: int
     way: str
     loop: str
-    shown: int
+    n_demonstrations: int
     demonstrations: str
     contact: str
     timing: str
@@ -86,7 +86,7 @@ def _row(each: Measurement) -> dict[str, object]:
         "budget": "default",
         "quick": each.quick,
         "commit": each.commit,
-        "shown": each.shown,
+        "n_demonstrations": each.n_demonstrations,
         "loop": each.loop,
     }
 

@@ -20,7 +20,7 @@ ABOUT = (
     "Each row: syntheses from so many demonstrations; style and share of failing demonstrations as in `roboscribe "
     "demos`. Paper: Sec. 5.1, from all of whose demonstrations actions are left out."
 )
-KEYS = ["task", "profile", "shown", "style", "failing"]
+KEYS = ["task", "profile", "n_demonstrations", "style", "failing"]
 TASK = "pick-place-1"
 """The paper's task for this experiment."""
 
@@ -65,11 +65,11 @@ def draw(table: pd.DataFrame, *, quick: bool) -> dict[str, bytes]:
         left, right = figure.subplots(1, 2)
         for (task, shade), height in zip(_shades(usual).items(), (0.3, 0.2, 0.1, 0.4, 0.5, 0.6), strict=False):
             own = usual[usual["task"] == task]
-            last, sizes = finals(own), sorted(set(own["shown"]))
-            left.plot(last["shown"], 100 * last["success"], "o", markersize=3.5, color=shade, alpha=0.6)
-            left.plot(sizes, [100 * last[last["shown"] == n]["success"].mean() for n in sizes], color=shade)
+            last, sizes = finals(own), sorted(set(own["n_demonstrations"]))
+            left.plot(last["n_demonstrations"], 100 * last["success"], "o", markersize=3.5, color=shade, alpha=0.6)
+            left.plot(sizes, [100 * last[last["n_demonstrations"] == n]["success"].mean() for n in sizes], color=shade)
             left.text(0.98, height, task, transform=left.transAxes, color=shade, ha="right")
-            steps = {n: _reached(own[own["shown"] == n]) for n in sizes}
+            steps = {n: _reached(own[own["n_demonstrations"] == n]) for n in sizes}
             known = [(n, value) for n, values in steps.items() for value in values if not isinf(value)]
             right.plot([n for n, _ in known], [v for _, v in known], "o", markersize=3.5, color=shade, alpha=0.6)
             middle = [(n, median_steps(values)) for n, values in steps.items()]
@@ -82,7 +82,7 @@ def draw(table: pd.DataFrame, *, quick: bool) -> dict[str, bytes]:
         rate_axis(left)
         right.set_yscale("log")
         right.set_ylabel(f"control steps until {ENOUGH:.0%}")
-        ticks = sorted({*sizes, *usual["shown"]})
+        ticks = sorted({*sizes, *usual["n_demonstrations"]})
         for axes in (left, right):
             axes.set_xscale("log")
             axes.set_xticks(ticks, [str(n) for n in ticks])

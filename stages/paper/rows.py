@@ -9,6 +9,7 @@ from typing import Any, TypeAlias
 
 import pandas as pd
 
+from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS, ROLLOUT_EPISODES
 from roboscribe.io.atomic import Json
 from roboscribe.stages.runtime.files import read_json, write_json
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -22,10 +23,21 @@ NO_PROGRAM, GIVEN_UP = "no program", "given up"
 COLUMNS = (
     "task", "method", "profile", "seed", "control_steps", "successes", "episodes", "success", "ci_low", "ci_high",
     "wall_seconds", "demonstrations", "contact", "timing", "budget", "quick", "commit",
-    "kind", "ended", "refinements", "shown", "style", "failing",
+    "kind", "ended", "refinements", "n_demonstrations", "style", "failing",
 )  # fmt: skip
 """Columns of a report; those of the second line of names say what was used, those of the third what it was for."""
-CELL_COLUMNS = ("task", "method", "profile", "seed", "contact", "timing", "budget", "shown", "style", "failing")
+CELL_COLUMNS = (
+    "task",
+    "method",
+    "profile",
+    "seed",
+    "contact",
+    "timing",
+    "budget",
+    "n_demonstrations",
+    "style",
+    "failing",
+)
 """What tells one cell from another in every report."""
 Row: TypeAlias = dict[str, object]
 
@@ -41,11 +53,11 @@ class Trial:
         seed: decides everything.
         budget: steps of learning: control steps per skill of a program or of a whole baseline, gradient steps of a
             clone; None is what is usual.
-        shown: demonstrations.
+        n_demonstrations: how many are given.
         style: in which they are given.
         failing: share of them that fails.
-        episodes: of the final evaluation.
-        checked: of each evaluation on the way.
+        evaluation_episodes: of the final evaluation.
+        rollout_episodes: of each evaluation on the way.
         quick: whether it is no result.
     """
 
@@ -54,17 +66,17 @@ class Trial:
     profile: str = "actions"
     seed: int = 0
     budget: int | None = None
-    shown: int = 50
+    n_demonstrations: int = N_DEMONSTRATIONS
     style: str = "default"
     failing: float = 0.0
-    episodes: int = 500
-    checked: int = 100
+    evaluation_episodes: int = EVALUATION_EPISODES
+    rollout_episodes: int = ROLLOUT_EPISODES
     quick: bool = False
 
     def __str__(self) -> str:
         """Name the cell as its task run and its child run are named."""
         own = () if self.profile in ("", "actions") else (self.profile,)
-        few = () if self.shown == 50 else (f"{self.shown} demonstrations",)
+        few = () if self.n_demonstrations == N_DEMONSTRATIONS else (f"{self.n_demonstrations} demonstrations",)
         how = () if self.style == "default" else (self.style,)
         bad = () if not self.failing else (f"{self.failing:.0%} failing",)
         return " ".join((self.method, self.task.name, *own, *few, *how, *bad, f"seed {self.seed}"))
@@ -156,7 +168,7 @@ def _row(trial: Trial, record: Record, point: Point) -> Row:
         "kind": FINAL if point.final else ON_THE_WAY,
         "ended": record.ended if point.final else "",
         "refinements": record.refinements if point.final else None,
-        "shown": trial.shown,
+        "n_demonstrations": trial.n_demonstrations,
         "style": trial.style,
         "failing": trial.failing,
     }

@@ -36,7 +36,7 @@ TASKS = tuple(f"{shape}-{FEWEST + i}" for shape, values in SUCCESS[FEWEST].items
 
 
 @dataclass(frozen=True)
-class ReportedRun:
+class ReportedTask:
     """One of the seven tasks of Fig. 19 and Table 1.
 
     Args:
@@ -64,8 +64,8 @@ def _millions(*rates: float) -> tuple[tuple[int, float], ...]:
     return tuple((1_000_000 * (i + 1), rate) for i, rate in enumerate(rates))
 
 
-REPORTED: Mapping[str, ReportedRun] = {
-    "pick-place-1": ReportedRun(
+REPORTED: Mapping[str, ReportedTask] = {
+    "pick-place-1": ReportedTask(
         "Pick&Place-1",
         4_000_000,
         2.2,
@@ -77,13 +77,13 @@ REPORTED: Mapping[str, ReportedRun] = {
             "deepset": _millions(0.18, 0.44, 0.67, 0.78),
         },
     ),
-    "pick-place-4": ReportedRun(
+    "pick-place-4": ReportedTask(
         "Pick&Place-4", 4_000_000, 2.2, ((0, 0.0), (2_400_000, 0.0), (2_400_000, 0.86)), 0.027, _flat(4_000_000)
     ),
-    "pick-place-cond": ReportedRun(
+    "pick-place-cond": ReportedTask(
         "Pick&Place-Cond", 6_000_000, 5.4, ((0, 0.0), (4_400_000, 0.0), (4_400_000, 0.96)), 0.489, _flat(6_000_000)
     ),
-    "push-3": ReportedRun(
+    "push-3": ReportedTask(
         "Push-3",
         8_000_000,
         4.4,
@@ -94,9 +94,9 @@ REPORTED: Mapping[str, ReportedRun] = {
             "deepset": (*_millions(0.0, 0.0, 0.04, 0.08, 0.40, 0.56), (8_000_000, 0.77)),
         },
     ),
-    "tower-5": ReportedRun("Tower-5", 16_700_000, 4.4, (), 0.018, _flat(16_700_000)),
-    "table-top": ReportedRun("Meta-World", 6_000_000, 5.6, (), 0.063, _flat(6_000_000)),
-    "place-cubes-drawer-3": ReportedRun(
+    "tower-5": ReportedTask("Tower-5", 16_700_000, 4.4, (), 0.018, _flat(16_700_000)),
+    "table-top": ReportedTask("Meta-World", 6_000_000, 5.6, (), 0.063, _flat(6_000_000)),
+    "place-cubes-drawer-3": ReportedTask(
         "PlaceCubesDrawer", 18_500_000, 4.6, ((0, 0.0), (4_400_000, 0.0)), 0.0, _flat(18_500_000)
     ),
 }

@@ -23,9 +23,9 @@ def main(stage: AnyStage, arguments: Sequence[str] | None = None) -> int:
     """
     given = _parser(stage).parse_args(arguments)
     try:
-        config = decode(stage.config, parse_json(_text(given.config)), "config")
+        config = decode(stage.config, parse_json(_config_text(given.config)), "config")
         given.out.mkdir(parents=True, exist_ok=True)
-        stage.run(config, dict(map(_input, given.input)), given.out, _tell)
+        stage.run(config, dict(map(_named_path, given.input)), given.out, _print_progress)
     except (RoboScribeError, ValueError, OSError) as error:
         sys.stderr.write(f"error: {error}\n")
         return 2
@@ -49,11 +49,11 @@ def _parser(stage: AnyStage) -> argparse.ArgumentParser:
     return parser
 
 
-def _text(given: str) -> str:
+def _config_text(given: str) -> str:
     return given if given.lstrip().startswith("{") else Path(given).read_text(encoding="utf-8")
 
 
-def _input(given: str) -> tuple[str, Path]:
+def _named_path(given: str) -> tuple[str, Path]:
     name, equals, path = given.partition("=")
     if not equals:
         msg = f"--input {given}: expected NAME=PATH"
@@ -61,6 +61,6 @@ def _input(given: str) -> tuple[str, Path]:
     return name, Path(path)
 
 
-def _tell(progress: Progress) -> None:
+def _print_progress(progress: Progress) -> None:
     figures = " ".join(f"{name}={value:.4g}" for name, value in progress.metrics.items())
     sys.stderr.write(f"{progress.what}: {progress.done}/{progress.total} {progress.unit} {figures}".rstrip() + "\n")

@@ -48,7 +48,7 @@ def code_version(module: str) -> str:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        path = _source(name)
+        path = _module_file(name)
         if path is not None and name not in digests:
             digests[name] = sha256_of(path)
             waiting += _imports(path)
@@ -72,18 +72,20 @@ def task_version(task: object) -> str:
     """
     own: set[str] = set()
     files: set[Path] = set()
-    for kind in _kinds(task):
+    for kind in _classes_of(task):
         if kind.__module__.partition(".")[0] in PACKAGES:
             own.add(kind.__module__)
         else:
-            files.update(_files(kind))
-    outside = {source for file in files for source in _outside(file)}
+            files.update(_defining_files(kind))
+    outside = {source for file in files for source in _external_sources(file)}
     digests = sorted(sha256_of(path) for path in outside)
-    text = canonical_json({"own": [code_version(name) for name in sorted(own)], "outside": digests, **_used(outside)})
+    text = canonical_json(
+        {"own": [code_version(name) for name in sorted(own)], "outside": digests, **_used_packages(outside)}
+    )
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def _kinds(task: object) -> Iterator[type | FunctionType]:
+def _classes_of(task: object) -> Iterator[type | FunctionType]:
     """List the classes of a task and of what it holds, and the functions that it holds."""
     waiting, seen = [task], set[int]()
     while waiting:
@@ -107,7 +109,7 @@ def _is_cached(part: object, name: str) -> bool:
     return isinstance(getattr(type(part), name, None), cached_property)
 
 
-def _files(kind: type | FunctionType) -> set[Path]:
+def _defining_files(kind: type | FunctionType) -> set[Path]:
     """Find the files in which a class or a function is written; none for what comes with Python."""
     members = (
         [kind] if isinstance(kind, FunctionType) else [getattr(part, "fget", part) for part in vars(kind).values()]
@@ -119,14 +121,7 @@ def _files(kind: type | FunctionType) -> set[Path]:
     return {path for path in paths if installed in path.parents or standard not in path.parents}
 
 
-def _function(member: object) -> object:
-    """Return the function behind a property, a cached property, a class method or a static one."""
-    for name in ("fget", "func", "__func__"):
-        member = getattr(member, name, member)
-    return member
-
-
-def _outside(file: Path) -> set[Path]:
+def _external_sources(file: Path) -> set[Path]:
     """List the sources of a task of another project, and the files that they name."""
     if (file.parent / "__init__.py").exists():
         top = file.parent
@@ -138,24 +133,24 @@ def _outside(file: Path) -> set[Path]:
         path = waiting.pop()
         if path not in found:
             found.add(path)
-            waiting += [near for name in _imports(path) if (near := _beside(path, name)) is not None]
-    return found | {named for path in found for named in _named(path)}
+            waiting += [near for name in _imports(path) if (near := _sibling_module(path, name)) is not None]
+    return found | {named for path in found for named in _mentioned_files(path)}
 
 
-def _beside(path: Path, name: str) -> Path | None:
+def _sibling_module(path: Path, name: str) -> Path | None:
     """Find a module in the directory of the file that imports it."""
     base = path.parent.joinpath(*name.split("."))
     return next((near for near in (base.with_suffix(".py"), base / "__init__.py") if near.is_file()), None)
 
 
-def _named(path: Path) -> set[Path]:
+def _mentioned_files(path: Path) -> set[Path]:
     """List the files beside a source that it names in a text, a scene for instance."""
     texts = {n.value for n in ast.walk(ast.parse(path.read_bytes())) if isinstance(n, ast.Constant)}
     names = {text for text in texts if isinstance(text, str) and 0 < len(text) < LONGEST_NAME and text.isprintable()}
     return {path.parent / name for name in names if (path.parent / name).is_file()}
 
 
-def _used(sources: set[Path]) -> dict[str, Json]:
+def _used_packages(sources: set[Path]) -> dict[str, Json]:
     """Return the versions of installed packages that sources outside of this project import."""
     if not sources:
         return {}
@@ -164,7 +159,7 @@ def _used(sources: set[Path]) -> dict[str, Json]:
     return {"packages": package_versions(sorted({each for top in tops for each in known.get(top, ())}))}
 
 
-def _source(name: str) -> Path | None:
+def _module_file(name: str) -> Path | None:
     """Find the file of a module of this project; None for what is not one."""
     if name.partition(".")[0] not in PACKAGES:
         return None
@@ -176,7 +171,7 @@ def _source(name: str) -> Path | None:
 def _imports(path: Path) -> tuple[str, ...]:
     """List what a file imports: modules, and names that may be modules, with the packages that contain them."""
     found: set[str] = set()
-    for node in _executed(ast.parse(path.read_bytes())):
+    for node in _runtime_nodes(ast.parse(path.read_bytes())):
         match node:
             case ast.Import(names=names):
                 found.update(alias.name for alias in names)
@@ -187,11 +182,11 @@ def _imports(path: Path) -> tuple[str, ...]:
     return tuple(sorted(found | parents - {""}))
 
 
-def _executed(node: ast.AST) -> Iterator[ast.AST]:
+def _runtime_nodes(node: ast.AST) -> Iterator[ast.AST]:
     """List the nodes of a source but for what only type checkers see."""
     for child in ast.iter_child_nodes(node):
         match child:
             case ast.If(test=ast.Name(id="TYPE_CHECKING")):
                 continue
         yield child
-        yield from _executed(child)
+        yield from _runtime_nodes(child)

@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 def encode(value: object) -> Json:
-    """Spell a settings value as JSON.
+    """Encode a settings value as JSON.
 
     Raises:
         TypeError: a value of a kind that settings may not hold.
@@ -30,6 +30,16 @@ def encode(value: object) -> Json:
         return {field.name: encode(getattr(value, field.name)) for field in fields(value)}
     msg = f"settings hold {type(value).__name__} {value!r}; expected numbers, text, tuples or frozen dataclasses"
     raise TypeError(msg)
+
+
+def flattened(value: Json, name: str = "") -> dict[str, Json]:
+    """Spread nested settings out: every plain value by its dotted name, "training.ppo.worlds" for instance."""
+    if not isinstance(value, Mapping):
+        return {name: value}
+    found: dict[str, Json] = {}
+    for key, item in value.items():
+        found |= flattened(item, f"{name}.{key}" if name else str(key))
+    return found
 
 
 def decode(kind: type[T], value: Json, where: str = "settings") -> T:
@@ -51,8 +61,7 @@ def _decode(kind: Any, value: Json, where: str) -> Any:  # noqa: ANN401 - annota
     """Read a value of any annotation that settings use."""
     origin = get_origin(kind)
     if origin in (Union, UnionType):
-        inner = [part for part in get_args(kind) if part is not NoneType]
-        return None if value is None else _decode(inner[0], value, where)
+        return _union(get_args(kind), value, where)
     if origin is Literal:
         if value not in get_args(kind):
             _refuse(where, value, " or ".join(map(repr, get_args(kind))))
@@ -66,6 +75,17 @@ def _decode(kind: Any, value: Json, where: str) -> Any:  # noqa: ANN401 - annota
     if isinstance(kind, type) and isinstance(value, kind) and isinstance(value, bool) == (kind is bool):
         return value
     _refuse(where, value, str(getattr(kind, "__name__", kind)))
+
+
+def _union(kinds: tuple[Any, ...], value: Json, where: str) -> Any:  # noqa: ANN401 - as above
+    """Read None, or one of several dataclasses: the first that knows all the names given."""
+    inner = [kind for kind in kinds if kind is not NoneType]
+    if value is None and len(inner) < len(kinds):
+        return None
+    known = [{field.name for field in fields(kind)} if is_dataclass(kind) else set() for kind in inner]
+    given = set(value) if isinstance(value, Mapping) else set()
+    fitting = [kind for kind, names in zip(inner, known, strict=True) if given <= names]
+    return _decode(fitting[0] if fitting else inner[0], value, where)
 
 
 def _dataclass(kind: Any, value: Mapping[str, Json], where: str) -> Any:  # noqa: ANN401 - as above
@@ -82,6 +102,6 @@ def _dataclass(kind: Any, value: Mapping[str, Json], where: str) -> Any:  # noqa
 
 
 def _refuse(where: str, found: object, expected: str) -> NoReturn:
-    """Raise the one error of this module."""
+    """Raise an ArtifactError that says what was found and what was expected."""
     msg = f"{where}: found {found!r}, expected {expected}"
     raise ArtifactError(msg)

@@ -1,4 +1,4 @@
-"""What happens during a synthesis, as told to the console and to the tracker."""
+"""Events of a synthesis, which the console, the tracker and the event log receive."""
 
 from __future__ import annotations
 
@@ -117,4 +117,4 @@ class Failed:
 Event: TypeAlias = (
     Ingested | Programmed | Trained | RolledOut | Refined | Abandoned | Removed | Evaluated | Packaged | Filmed | Failed
 )
-Listener: TypeAlias = Callable[[Event], None]
+EventCallback: TypeAlias = Callable[[Event], None]

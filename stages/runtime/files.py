@@ -1,4 +1,4 @@
-"""Small files of stages: JSON, program text, and the word that there is no result."""
+"""Small files of stages: JSON, program text, and failures with their reasons."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def read_json(path: Path) -> Any:  # noqa: ANN401 - callers know what they wrote
 
 
 def write_fail(out: Path, fail: Fail) -> None:
-    """Write why there is no result."""
+    """Write a failure with its reason."""
     write_json(out / FAIL, {"reason": fail.reason})
 
 
 def read_fail(out: Path) -> Fail | None:
-    """Read why there is no result; None where there is one."""
+    """Read a failure; None where the stage succeeded."""
     return Fail(str(read_json(out / FAIL)["reason"])) if (out / FAIL).exists() else None
 
 
 def program_bytes(program: Program) -> bytes:
-    """Spell a program as its readers see it; what prints is what runs."""
+    """Encode a program's text, which parses back to the same program."""
     return program_text(program).encode()
 
 

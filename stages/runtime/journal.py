@@ -1,4 +1,4 @@
-"""Append-only records in a JSON Lines file: what was told is never lost, and never told twice.
+"""Append-only records in a JSON Lines file: each record is kept once, even when a resumed run appends it again.
 
 Whoever is killed in the middle of a line leaves a torn one; the next writer cuts it off. A record that is told again,
 because a run was resumed from before it, is recognised by its identity and keeps its first time stamp. Every record

@@ -1,4 +1,4 @@
-"""How a running stage tells whoever watches how far it is."""
+"""Progress messages of running stages."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ class Progress:
     time: int = 0
 
 
-Report: TypeAlias = Callable[[Progress], None]
+ProgressCallback: TypeAlias = Callable[[Progress], None]
 
 
-def silent(progress: Progress) -> None:
-    """Tell nobody."""
+def ignore_progress(progress: Progress) -> None:
+    """Ignore a message."""
 
 
-def episode_watch(what: str, total: int, report: Report) -> Callable[[int, int], None]:
-    """Return what an evaluation tells, as messages of a stage."""
+def episode_progress(what: str, total: int, report: ProgressCallback) -> Callable[[int, int], None]:
+    """Return a callback that turns an evaluation's counts into progress messages."""
 
     def watch(done: int, successes: int) -> None:
         metrics = {"success": successes / done} if done else {}

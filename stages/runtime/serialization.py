@@ -73,12 +73,12 @@ def refinement_from_json(value: Any, where: str = "refinement") -> Refinement:  
 
 
 def failures_bytes(failures: FloatArray) -> bytes:
-    """Spell N_s as safetensors."""
+    """Encode N_s, the states of failures, as safetensors."""
     return safetensors.save({"failures": np.ascontiguousarray(failures)})
 
 
 def read_failures(path: Path) -> FloatArray:
-    """Read N_s.
+    """Read N_s, the states of failures.
 
     Raises:
         ArtifactError: the file is damaged.

@@ -9,10 +9,8 @@ directory, the others wait for it and then find the work done.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import logging
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -32,9 +30,10 @@ from roboscribe.io.atomic import (
     sha256_of_bytes,
     write_file,
 )
+from roboscribe.io.lock import held
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode
-from roboscribe.stages.runtime.progress import Report, silent
+from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 
 Config = TypeVar("Config")
 Inputs: TypeAlias = Mapping[str, Path]
@@ -61,11 +60,11 @@ class Stage(Generic[Config]):
 
     name: str
     config: type[Config]
-    run: Callable[[Config, Inputs, Path, Report], None]
+    run: Callable[[Config, Inputs, Path, ProgressCallback], None]
 
 
 @runtime_checkable
-class Sourced(Protocol):
+class HasCode(Protocol):
     """A setting that names code, a task for instance: a stage's result depends on that code, too."""
 
     def code(self) -> str:
@@ -84,7 +83,9 @@ class Store:
         self.root = root
         self._known: dict[str, Path] = {}
 
-    def run(self, stage: Stage[Config], config: Config, inputs: Inputs, report: Report = silent) -> Path:
+    def run(
+        self, stage: Stage[Config], config: Config, inputs: Inputs, report: ProgressCallback = ignore_progress
+    ) -> Path:
         """Run a stage, or find that it has been run.
 
         Args:
@@ -104,11 +105,11 @@ class Store:
         out = self.root / stage.name / identity["key"]
         out.mkdir(parents=True, exist_ok=True)
         with locked(out):
-            if not _finished(out, identity["key"]):
-                _clear(out)
+            if not _is_finished(out, identity["key"]):
+                _remove_leftovers(out)
                 start = perf_counter()
                 stage.run(config, inputs, out, report)
-                _finish(out, {**identity, "config": encode(config), "inputs": digests}, perf_counter() - start)
+                _write_manifest(out, {**identity, "config": encode(config), "inputs": digests}, perf_counter() - start)
             shutil.rmtree(out / PROGRESS, ignore_errors=True)
         self._known.update({digest: out / name for name, digest in _outputs(out).items()})
         return out
@@ -126,7 +127,7 @@ class Store:
         return known
 
 
-def manifest_of(out: Path) -> Mapping[str, Json] | None:
+def read_manifest(out: Path) -> Mapping[str, Json] | None:
     """Read the manifest of a stage's outputs; None where there is none that can be read."""
     try:
         value = parse_json((out / MANIFEST).read_text(encoding="utf-8"))
@@ -138,22 +139,18 @@ def manifest_of(out: Path) -> Mapping[str, Json] | None:
 @contextmanager
 def locked(directory: Path) -> Iterator[None]:
     """Hold a directory for this process alone; wait while another one has it."""
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            log.warning("another process is at work in %s; waiting for it", directory)
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
+
+    def say() -> None:
+        log.warning("another process is at work in %s; waiting for it", directory)
+
+    with held(directory, say):
         yield
-    finally:
-        os.close(descriptor)
 
 
 def _identity(stage: AnyStage, config: object, digests: Digests) -> dict[str, str]:
     """Return the stage's name, its code's version, and the key that they, settings and inputs make."""
     code = code_version(stage.run.__module__)
-    named = [part.code() for part in vars(config).values() if isinstance(part, Sourced)]
+    named = [part.code() for part in vars(config).values() if isinstance(part, HasCode)]
     parts = {"stage": stage.name, "config": encode(config), "inputs": digests, "code": code, "named": named}
     text = canonical_json(parts)
     return {"stage": stage.name, "code": code, "key": hashlib.sha256(text.encode()).hexdigest()}
@@ -170,27 +167,27 @@ def _digest(path: Path) -> str:
 
 def _outputs(out: Path) -> dict[str, str]:
     """Return the outputs that the manifest lists, with their hashes."""
-    listed = (manifest_of(out) or {}).get("outputs")
+    listed = (read_manifest(out) or {}).get("outputs")
     return {str(name): str(digest) for name, digest in listed.items()} if isinstance(listed, Mapping) else {}
 
 
-def _finished(out: Path, key: str) -> bool:
+def _is_finished(out: Path, key: str) -> bool:
     """Whether a stage's outputs are there and undamaged."""
-    manifest = manifest_of(out)
+    manifest = read_manifest(out)
     if manifest is None or manifest.get("key") != key:
         return False
-    damaged = [name for name, digest in _outputs(out).items() if not _intact(out / name, digest)]
+    damaged = [name for name, digest in _outputs(out).items() if not _has_digest(out / name, digest)]
     if damaged:
         log.warning("%s: %s changed since it was written; computing it again", out, ", ".join(damaged))
     return not damaged
 
 
-def _intact(path: Path, digest: str) -> bool:
+def _has_digest(path: Path, digest: str) -> bool:
     return path.is_file() and not path.is_symlink() and sha256_of(path) == digest
 
 
-def _clear(out: Path) -> None:
-    """Remove what an interrupted stage left, but not what it can go on from."""
+def _remove_leftovers(out: Path) -> None:
+    """Remove unfinished outputs of an interrupted stage, but not its checkpoints in `progress/`."""
     (out / MANIFEST).unlink(missing_ok=True)
     remove_unfinished(out)
     for path in sorted(out.iterdir()):
@@ -201,8 +198,8 @@ def _clear(out: Path) -> None:
             path.unlink()
 
 
-def _finish(out: Path, manifest: Mapping[str, Json], seconds: float) -> None:
-    """Write the proof that a stage finished."""
+def _write_manifest(out: Path, manifest: Mapping[str, Json], seconds: float) -> None:
+    """Write the manifest, which proves that the stage finished."""
     files = [path for path in sorted(out.rglob("*")) if path.is_file()]
     names = [path.relative_to(out).as_posix() for path in files]
     kept = [name for name in names if name not in VOLATILE and not name.startswith(f"{PROGRESS}/")]

@@ -1,1 +1,1 @@
-"""What happened in a run: its chronicle, and the copy of it in MLflow."""
+"""What happened in a run: its event log, and its copy in MLflow."""

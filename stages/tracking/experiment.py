@@ -47,7 +47,7 @@ def track_experiment(
     tags: Mapping[str, str] | None = None,
     children: Sequence[ChildRun] = (),
 ) -> str | None:
-    """Journal a finished experiment and copy it into MLflow; telling the same again changes nothing.
+    """Journal a finished experiment and copy it into MLflow; doing so again changes nothing.
 
     Args:
         directory: of the run; keeps the journal and the files.
@@ -88,7 +88,7 @@ def track_experiment(
 
 @dataclass(frozen=True)
 class _JournalWriter:
-    """Journals what concerns one run."""
+    """Appends the records of one run to the journal."""
 
     journal: Journal
     run: str

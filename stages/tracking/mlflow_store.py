@@ -5,7 +5,6 @@ Copying is idempotent: runs are found again by a tag, and a metric with the same
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import os
 import shutil
@@ -18,25 +17,27 @@ from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 from roboscribe.io.atomic import Json, canonical_json, indented_json, parse_json, write_file
+from roboscribe.io.lock import held
+from roboscribe.io.tracked import DATABASE, THEIRS, has_store, quiet_mlflow, tracking_uri
 from roboscribe.stages.runtime.journal import Record, read_records
+from roboscribe.stages.tracking.description import experiment_description
+from roboscribe.stages.tracking.mlflow_files import copy_file
 
 if TYPE_CHECKING:
     from mlflow import MlflowClient
 
-os.environ["MLFLOW_DISABLE_TELEMETRY"] = "true"
-os.environ["DO_NOT_TRACK"] = "true"
-os.environ["MLFLOW_ALLOW_PICKLE_DESERIALIZATION"] = "false"
-os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
-os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
-os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+quiet_mlflow()
 
 JOURNAL, STATE = "journal.jsonl", "tracking.json"
 """In a run's directory: what is to be copied, and how far it is copied under which ids."""
 PARENT = ""
 """Name of the run that is the whole synthesis."""
-DATABASE, ARTIFACTS = "mlflow.db", "artifacts"
+ARTIFACTS = "artifacts"
 ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
+KIND_TAG, KIND = "mlflow.experimentKind", "custom_model_development"
+"""Tag by which MLflow opens an experiment as one of training, not of language models."""
+NOTE_TAG = "mlflow.note.content"
 ENDED = ("FINISHED", "FAILED", "KILLED")
 ACTIVE = "active"
 """What MLflow says of runs and experiments that were not deleted."""
@@ -46,16 +47,11 @@ _NEW = ".new-"
 log = logging.getLogger(__name__)
 
 
-def database_uri(mlruns: Path) -> str:
-    """Return the address of the store in a directory."""
-    return f"sqlite:///{(mlruns / DATABASE).resolve()}"
-
-
 def ensure_store(mlruns: Path) -> None:
-    """Create the database, once, whoever comes first; it appears whole or not at all."""
+    """Create the database, once, whoever comes first; it appears whole or not at all. A user's own is left alone."""
     mlruns.mkdir(parents=True, exist_ok=True)
     with _locked(mlruns):
-        if (mlruns / DATABASE).exists():
+        if has_store(mlruns):
             return
         from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
@@ -71,7 +67,10 @@ def ensure_store(mlruns: Path) -> None:
 
 
 def store_identity(mlruns: Path) -> list[int]:
-    """Tell one database file from another at the same place; empty where there is none."""
+    """Tell one database file from another at the same place, and one server from another; empty where there is none."""
+    theirs = os.environ.get(THEIRS)
+    if theirs:
+        return [crc32(theirs.encode())]
     try:
         status = (mlruns / DATABASE).stat()
     except FileNotFoundError:
@@ -97,7 +96,7 @@ class MlflowSync:
     _offset: int = 0
 
     def __post_init__(self) -> None:
-        """Go on where the last copier stopped, or from the start where the store is another one."""
+        """Continue where the last copy stopped, or from the start where the store is another one."""
         state = _state(self.directory)
         if state.get("store") == store_identity(self.mlruns) and all(map(self._there, state["runs"].values())):
             self._runs, self._offset = dict(state["runs"]), int(state["offset"])
@@ -141,7 +140,7 @@ class MlflowSync:
             write_file(self.directory / STATE, indented_json({**state, "sum": _sum(state)}).encode())
 
     def mark_killed(self) -> None:
-        """Mark the run as killed where its last word is that it runs."""
+        """Mark the run as killed where its journal ends with status RUNNING."""
         own = (record for _, record in read_records(self.directory / JOURNAL) if record["run"] == PARENT)
         statuses = _of("status", own)
         if statuses and statuses[-1]["value"] not in ENDED and PARENT in self._runs:
@@ -158,7 +157,7 @@ class MlflowSync:
             run_id = self._run(name, own)
             self._scalars(run_id, own)
             for record in own:
-                self._file(run_id, record)
+                copy_file(self.client, run_id, record)
         for name, own in by_run.items():
             for record in (r for r in own if r["kind"] == "status"):
                 self._status(name, str(record["value"]), _whole(record["time"]))
@@ -187,57 +186,15 @@ class MlflowSync:
         points = _of("metric", own)
         metrics = [Metric(_key(r), float(str(r["value"])), _whole(r["time"]), _whole(r["step"])) for r in points]
         params = [Param(_key(r), str(r["value"])) for r in _of("param", own)]
-        tags = [RunTag(_key(r), str(r["value"])) for r in _of("tag", own)]
+        tags = [RunTag(key, value) for key, value in {_key(r): str(r["value"]) for r in _of("tag", own)}.items()]
         for start in range(0, max(len(metrics), 1), BATCH):
             self.client.log_batch(run_id, metrics=metrics[start : start + BATCH])
         for start in range(0, len(params), 100):
             self.client.log_batch(run_id, params=params[start : start + 100])
         self.client.log_batch(run_id, tags=tags)
 
-    def _file(self, run_id: str, record: Record) -> None:
-        """Copy a file, draw a picture, or register an input."""
-        path, kind = Path(str(record["value"])), record["kind"]
-        if kind in ("artifact", "artifacts", "table", "picture") and not path.exists():
-            log.warning("%s is gone; it is not copied", path)
-            return
-        match kind:
-            case "artifact":
-                self.client.log_artifact(run_id, str(path), str(record.get("folder") or "") or None)
-            case "artifacts":
-                self.client.log_artifacts(run_id, str(path), str(record["key"]))
-            case "table":
-                self._table(run_id, path)
-            case "picture":
-                self._picture(run_id, path)
-            case "input":
-                self._input(run_id, str(record["value"]))
-
-    def _table(self, run_id: str, path: Path) -> None:
-        """Copy a table so that MLflow's interface shows it as one."""
-        tag = "mlflow.loggedArtifacts"
-        self.client.log_artifact(run_id, str(path))
-        listed = self.client.get_run(run_id).data.tags.get(tag, "[]")
-        entry = f'{{"path": "{path.name}", "type": "table"}}'
-        if entry not in listed:
-            self.client.set_tag(run_id, tag, f"{listed[:-1]}{', ' if len(listed) > 2 else ''}{entry}]")
-
-    def _picture(self, run_id: str, path: Path) -> None:
-        from roboscribe.stages.runtime.serialization import read_tree
-        from roboscribe.stages.tracking.tree_picture import draw_tree
-
-        with tempfile.TemporaryDirectory() as scratch:
-            picture = Path(scratch) / "tree.png"
-            draw_tree(read_tree(path), picture)
-            self.client.log_artifact(run_id, str(picture))
-
-    def _input(self, run_id: str, digest: str) -> None:
-        from mlflow.entities import Dataset, DatasetInput, InputTag
-
-        dataset = Dataset(name="demonstrations", digest=digest[:36], source_type="local", source=digest)
-        self.client.log_inputs(run_id, [DatasetInput(dataset, [InputTag("mlflow.data.context", "training")])])
-
     def _status(self, name: str, value: str, when: int) -> None:
-        """Set how a run stands; the end of the parent ends its children."""
+        """Set a run's status; the end of the parent ends its children."""
         if value not in ENDED:
             self.client.update_run(self._runs[name], status=value)
             return
@@ -247,14 +204,21 @@ class MlflowSync:
                 self.client.set_terminated(run_id, value, end_time=when)
 
     def _find_experiment(self) -> str:
-        """Find or create the experiment, once, whoever comes first."""
+        """Find or create the experiment, whichever process comes first."""
         name = self._opening("experiment")
         with _locked(self.mlruns):
             found = self.client.get_experiment_by_name(name)
-            if found is not None:
-                return self._restored(str(found.experiment_id))
-            place = (self.mlruns / ARTIFACTS).resolve().as_uri()
-            return str(self.client.create_experiment(name, artifact_location=f"{place}/{_plain(name)}"))
+            known = self._created(name) if found is None else self._restored(str(found.experiment_id))
+            for key, value in {KIND_TAG: KIND, NOTE_TAG: experiment_description(name)}.items():
+                if found is None or key not in found.tags:
+                    self.client.set_experiment_tag(known, key, value)
+            return known
+
+    def _created(self, name: str) -> str:
+        """Create an experiment; a user's own server knows best where its artifacts go."""
+        place = (self.mlruns / ARTIFACTS).resolve().as_uri()
+        location = None if os.environ.get(THEIRS) else f"{place}/{_plain(name)}"
+        return str(self.client.create_experiment(name, artifact_location=location))
 
     def _opening(self, key: str) -> str:
         """Read what the journal's opening records say about the run."""
@@ -263,7 +227,7 @@ class MlflowSync:
 
 
 def unreachable() -> tuple[type[Exception], ...]:
-    """Name what a store raises that is locked, damaged or gone."""
+    """Return the exceptions of a store that is locked, damaged or missing."""
     from mlflow.exceptions import MlflowException
     from sqlalchemy.exc import SQLAlchemyError
 
@@ -285,16 +249,7 @@ def open_sync(directory: Path, mlruns: Path) -> MlflowSync:
     from mlflow import MlflowClient
 
     ensure_store(mlruns)
-    return MlflowSync(directory, mlruns, MlflowClient(database_uri(mlruns)))
-
-
-def download_program(run_id: str, mlruns: Path, target: Path) -> Path:
-    """Copy the program of a run out of the store; returns its directory.
-
-    Raises:
-        MlflowException: there is no such run, or it has no program.
-    """
-    return download(run_id, "program", mlruns, target)
+    return MlflowSync(directory, mlruns, MlflowClient(tracking_uri(mlruns)))
 
 
 def download(run_id: str, name: str, mlruns: Path, target: Path) -> Path:
@@ -305,7 +260,7 @@ def download(run_id: str, name: str, mlruns: Path, target: Path) -> Path:
     """
     from mlflow import MlflowClient
 
-    return Path(MlflowClient(database_uri(mlruns)).download_artifacts(run_id, name, str(target)))
+    return Path(MlflowClient(tracking_uri(mlruns)).download_artifacts(run_id, name, str(target)))
 
 
 def run_id_of(directory: Path) -> str | None:
@@ -348,6 +303,7 @@ def _plain(name: str) -> str:
 
 @contextmanager
 def _locked(mlruns: Path) -> Iterator[None]:
-    with (mlruns / ".lock").open("ab") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+    lock = mlruns / ".lock"
+    lock.touch()
+    with held(lock):
         yield

@@ -18,6 +18,7 @@ from typing import Any, assert_never
 from roboscribe.dsl.printer import text
 from roboscribe.io.atomic import Json, write_file
 from roboscribe.stages.runtime.code_version import ROOT
+from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.events import (
     Abandoned,
     Evaluated,
@@ -37,6 +38,8 @@ from roboscribe.stages.runtime.journal import Journal, Record, read_records
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import TIMING
 from roboscribe.stages.tracking.mlflow_store import JOURNAL, PARENT, run_id_of
+from roboscribe.steps import wilson
+from roboscribe.subtask_tree import ROOT as GOAL
 from roboscribe.tree_json import tree_to_json
 
 LOG = "tracking.log"
@@ -53,7 +56,7 @@ log = logging.getLogger(__name__)
 
 @dataclass
 class Tracker:
-    """Listens to one synthesis, or to the training of a baseline.
+    """Journals the events of one synthesis, or of one baseline's training.
 
     Args:
         directory: of the run; holds the journal.
@@ -62,6 +65,7 @@ class Tracker:
         title: how the run is called.
         experiment: group of runs.
         kind: of the run.
+        subgoals: goal, name and predicate of every subgoal found so far.
     """
 
     directory: Path
@@ -72,8 +76,15 @@ class Tracker:
     kind: str = "synthesis"
     _follower: subprocess.Popen[bytes] | None = None
     _counts: dict[str, int] = field(default_factory=dict)
+    subgoals: tuple[tuple[str, str, str], ...] = ()
+    _counter: ControlStepCounter = field(default_factory=ControlStepCounter)
     _last: RolledOut | None = None
     _spent: float = 0.0
+
+    @property
+    def env_steps(self) -> int:
+        """Control steps so far, those of stages that were found in the store included."""
+        return self._counter.env_steps
 
     def __post_init__(self) -> None:
         """Open the journal and start a new attempt."""
@@ -114,22 +125,37 @@ class Tracker:
         return run_id_of(self.directory)
 
     def leave(self) -> None:
-        """Let the copying process finish by itself; someone waits for this one to end."""
+        """Let the copying process finish by itself, without waiting for it."""
         if self._follower is not None and self._follower.stdin is not None:
             self._follower.stdin.close()
 
     def status(self, value: str) -> None:
-        """Journal how the run stands: RUNNING, FINISHED, FAILED or KILLED."""
+        """Journal the run's status: RUNNING, FINISHED, FAILED or KILLED."""
         self._note(PARENT, "status", value, value, self.attempt)
 
     def result(self, metrics: Mapping[str, float], step: int) -> None:
-        """Journal the figures of the whole run at its last control step; told again, they keep their first values."""
+        """Journal the figures of the whole run at its last control step; repeated, they keep their first values."""
         self._metrics(PARENT, metrics, step)
 
     def seconds(self, own: float) -> float:
         """Return what all attempts took together, given what this one took; what a finished run took stays."""
         told = (r["value"] for r in self._journal.records() if r["run"] == PARENT and r["key"] == SECONDS)
         return next((float(str(value)) for value in told), self._spent + own)
+
+    def settings(self, settings: Mapping[str, str]) -> None:
+        """Journal the whole configuration of the run; its parts have the few parameters that they share."""
+        for key, value in settings.items():
+            self._note(PARENT, "param", key, value)
+
+    def tags(self, tags: Mapping[str, str], *, last: bool = False) -> None:
+        """Journal what is said of the run besides: user, source, description; each attempt says it anew.
+
+        Args:
+            tags: by name.
+            last: whether they replace what this attempt said when it began.
+        """
+        for key, value in tags.items():
+            self._note(PARENT, "tag", key, value, 2 * self.attempt + last)
 
     def attach(self, path: Path) -> None:
         """Journal a file of the run's own."""
@@ -138,14 +164,16 @@ class Tracker:
     def keep(self, directory: Path) -> None:
         """Journal a saved program's or baseline's directory."""
         self._note(PARENT, "artifacts", "program", str(directory))
+        self._note(PARENT, "model", "program", str(directory))
 
-    def watch(self, progress: Progress) -> None:
+    def on_progress(self, progress: Progress) -> None:
         """Journal a learner's figures as they come."""
         if progress.unit == STEPS:
             self._curve(progress.what, progress.metrics, progress.done, progress.time)
 
-    def listen(self, event: Event) -> None:
+    def on_event(self, event: Event) -> None:
         """Journal an event."""
+        self._counter.on_event(event)
         match event:
             case Ingested(report, profile):
                 self.params = {**self.params, "profile": profile}
@@ -156,9 +184,9 @@ class Tracker:
                 self._note(PARENT, "artifact", f"programs/{number}", str(path), folder="programs")
             case Trained(_, reports, metrics):
                 self._trained(reports, metrics)
-            case RolledOut():
+            case RolledOut(goal, counts, _):
                 self._last = event
-                self._metrics(PARENT, {"rollout_success": _rate(event.counts)}, self._count("rollout"))
+                self._metrics(PARENT, _tried(goal, counts), self.env_steps)
             case Refined():
                 self._refined(event)
             case Abandoned(reason):
@@ -187,8 +215,9 @@ class Tracker:
 
     def _ingested(self, report: Mapping[str, Any]) -> None:
         digest = str(report["digest"])
-        self._note(PARENT, "input", "demonstrations", digest)
-        self._params(PARENT, {"demonstrations": str(report["kept"]), "demonstrations_sha256": digest})
+        self._note(PARENT, "dataset", "demonstrations", str(Path(report["source"]).resolve()))
+        self._params(PARENT, {"demonstrations": str(report["kept"])})
+        self.tags({"roboscribe.demonstrations_sha256": digest})
 
     def _trained(self, reports: tuple[Mapping[str, Any], ...], metrics: Path) -> None:
         for _, row in read_records(metrics):
@@ -197,13 +226,14 @@ class Tracker:
             assert isinstance(step, int)
             assert isinstance(time, int)
             self._curve(str(row["controller"]), {k: float(str(v)) for k, v in figures.items()}, step, time)
+        begun, ended = times_of(metrics.parent)
         for report in reports:
-            name = self._training(report["controller"])
-            self._params(name, {"kind": "controller", "subject": report["controller"], "learner": report["learner"]})
+            name, about = self._training(report["controller"]), {"learner": report["learner"]}
+            self._params(name, {"kind": "controller", "subject": report["controller"], **about}, begun)
             steps = report["control_steps"]
             final = {"success": report["success"], "env_steps": steps, "episodes": report["starts"]}
             self._metrics(name, {**final, "warm_success": report["warm_success"]}, steps)
-            self._note(name, "status", "FINISHED", "FINISHED")
+            self._finished(name, ended)
             self._count(f"controller {report['controller']}")
 
     def _curve(self, controller: str, metrics: Mapping[str, float], step: int, time: int) -> None:
@@ -223,12 +253,15 @@ class Tracker:
         assert tried is not None, "a refinement follows a rollout"
         about = {"goal": refinement.psi, "subgoal": refinement.node.name, "loop": str(refinement.node.circular)}
         phi = text(refinement.node.predicate)
-        self._params(name, {"kind": "refinement", "subject": refinement.node.name, "predicate": phi, **about})
+        own = {"kind": "refinement", "subject": refinement.node.name, "predicate": phi, **about}
+        self._params(name, own, times_of(tried.table.parent)[0])
+        self.subgoals += ((refinement.psi, refinement.node.name, phi),)
         counts = tried.counts
         figures = {"success": _rate(counts), "episodes": counts["episodes"], "env_steps": counts["control_steps"]}
         samples = {"negatives": refinement.negatives, "positives": refinement.positives}
         parsed = {"explained": event.explained, "demonstrations": event.demonstrations}
         self._metrics(name, {**figures, **samples, **parsed}, 0)
+        self._metrics(PARENT, {"refinements": self._counts["refinement"]}, self.env_steps)
         passed: Json = {"columns": ["predicate", "why not"], "data": [list(pair) for pair in refinement.passed_over]}
         self._table(name, self._file(f"{name}/passed_over.json", _json_bytes(passed)))
         rows: list[Json] = [[_cell(getattr(c, column)) for column in _COLUMNS] for c in refinement.table]
@@ -237,16 +270,21 @@ class Tracker:
         self._table(name, tried.table)
         self._note(name, "artifact", "refinement", str(event.table), folder="")
         self._tree(name, self._file(f"{name}/{TREE}", _json_bytes(tree_to_json(event.tree))))
-        self._note(name, "status", "FINISHED", "FINISHED")
+        self._finished(name, _modified(event.table))
 
     def _evaluated(self, figures: Mapping[str, Any], table: Path) -> None:
-        self._params(EVALUATION, {"kind": "evaluation", "subject": "program"})
+        begun, ended = times_of(table.parent)
+        self._params(EVALUATION, {"kind": "evaluation", "subject": "program"}, begun)
         shown = {key: figures[key] for key in ("success", "ci_low", "ci_high", "episodes", "diverged")}
         seconds = read_json(table.parent / TIMING)["wall_seconds"]
         shown |= {"env_steps": figures["control_steps"], "wall_seconds": seconds}
-        self._metrics(EVALUATION, shown, 0)
+        self._metrics(EVALUATION, shown, int(figures["control_steps"]))
         self._table(EVALUATION, table)
-        self._note(EVALUATION, "status", "FINISHED", "FINISHED")
+        self._finished(EVALUATION, ended)
+
+    def _finished(self, run: str, when: int) -> None:
+        """Journal the end of a part, at its true time: what was found in the store was done before this attempt."""
+        self._note(run, "status", "FINISHED", "FINISHED", time=when)
 
     def _tree(self, run: str, path: Path) -> None:
         self._note(run, "artifact", "tree", str(path), folder="")
@@ -255,9 +293,11 @@ class Tracker:
     def _table(self, run: str, path: Path) -> None:
         self._note(run, "table", path.name, str(path))
 
-    def _params(self, run: str, own: Mapping[str, str]) -> None:
+    def _params(self, run: str, own: Mapping[str, str], when: int | None = None) -> None:
+        """Journal parameters; the first record of a run says when it began."""
+        time = {} if when is None else {"time": when}
         for key, value in {**self.params, **own}.items():
-            self._note(run, "param", key, value)
+            self._note(run, "param", key, value, **time)
 
     def _metrics(self, run: str, metrics: Mapping[str, float], step: int) -> None:
         for key, value in metrics.items():
@@ -281,8 +321,19 @@ class Tracker:
         return self._counts[what]
 
 
+def times_of(out: Path) -> tuple[int, int]:
+    """Return when a stage began and ended, milliseconds since 1970, whichever attempt ran it."""
+    ended = _modified(out / TIMING)
+    return ended - round(1000 * float(read_json(out / TIMING)["wall_seconds"])), ended
+
+
+def _modified(path: Path) -> int:
+    """Return when a file was written, milliseconds since 1970."""
+    return path.stat().st_mtime_ns // 1_000_000
+
+
 def spent(records: Iterable[Record]) -> float:
-    """Add up the seconds of a journal's attempts; one that was killed lasted until the last word that it told."""
+    """Add up the seconds of a journal's attempts; one that was killed lasted until its last record."""
     total, began, last = 0.0, None, 0
     for record in records:
         time = int(str(record["time"]))
@@ -295,6 +346,14 @@ def spent(records: Iterable[Record]) -> float:
 def _lasted(began: int | None, last: int) -> float:
     """Seconds of an attempt; 0 before the first."""
     return 0.0 if began is None else (last - began) / 1000
+
+
+def _tried(goal: str, counts: Mapping[str, Any]) -> dict[str, float]:
+    """Return the points of the curves of one program that was tried."""
+    if goal != GOAL:
+        return {"subgoal_success": _rate(counts)}
+    low, high = wilson(int(counts["successes"]), int(counts["episodes"]))
+    return {"success": _rate(counts), "ci_low": low, "ci_high": high, "episodes": counts["episodes"]}
 
 
 def _rate(counts: Mapping[str, Any]) -> float:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
-from roboscribe.baselines.cloning import chunks_of, clone_actions, clone_chunks
+from roboscribe.baselines.cloning import Seen, chunks_of, clone_actions, clone_chunks, learning_rate
 from roboscribe.baselines.config import ChunkConfig, CloningConfig, SetConfig
 from roboscribe.baselines.course import Course
 from roboscribe.baselines.policy import Policy, as_program, to_parts
@@ -94,3 +95,19 @@ def test_states_only_cannot_be_cloned(clone: Callable[..., Policy]) -> None:
     settings = (TINY.network, TINY.cloning) if clone is clone_actions else (TINY.chunks,)
     with pytest.raises(DemonstrationError, match="demonstration 1 has none"):
         clone(TASK, silent, *settings, Course(1))
+
+
+def test_the_learning_rate_falls_along_a_cosine() -> None:
+    config = CloningConfig(learning_rate=0.2)
+    assert [learning_rate(config, step, 4) for step in (1, 3)] == pytest.approx([0.2, 0.1])
+    assert 0 < learning_rate(config, 20_000, 20_000) < 1e-6
+
+
+def test_numbers_are_blurred_and_types_are_not() -> None:
+    seen = Seen(torch.zeros(5, 2, 400), numbers=399)
+    blurred = seen.blurred(torch.tensor([0, 3, 3]), 0.3, torch.Generator().manual_seed(0))
+    assert blurred.shape == (3, 2, 400)
+    assert float(blurred[..., :399].std()) == pytest.approx(0.3, rel=0.05)
+    assert not blurred[..., 399].any()
+    assert not seen.tokens.any()
+    assert not seen.blurred(torch.tensor([1]), 0.0, torch.Generator()).any()

@@ -42,7 +42,7 @@ def demonstrations(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def config(method: Method, steps: int = 40) -> baseline.Config:
-    return baseline.Config(TASK, method, seed=1, steps=steps, episodes=2, settings=TINY)
+    return baseline.Config(TASK, method, seed=1, steps=steps, rollout_episodes=2, settings=TINY)
 
 
 def trained(method: Method, shown: Path, root: Path, steps: int = 40) -> Path:
@@ -144,7 +144,7 @@ def test_bad_input_is_one_line(command: Callable[..., int], capsys: pytest.Captu
 
 def test_what_is_tracked(tmp_path: Path, demonstrations: Path) -> None:
     """The curve, the figures and the policy stand in the journal, once, also after a second look."""
-    plan = BaselinePlan("deepset", TASK, steps=320, episodes=3, settings=TINY)
+    plan = BaselinePlan("deepset", TASK, steps=320, evaluation_episodes=3, settings=TINY)
     for _ in range(2):
         session = BaselineRun(plan, Workspace(tmp_path), "local", tmp_path / "out", track=False)
         session.run(Callbacks(lambda label: None, lambda event: None, lambda progress: None))

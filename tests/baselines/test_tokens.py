@@ -20,10 +20,31 @@ SPEC = TokenSpec.of(KITCHEN)
 def test_a_token_holds_robot_entity_goal_and_type() -> None:
     assert SPEC.robot == (Field("position", 2), Field("opening", 1))
     assert SPEC.entity == (
-        Field("position", 2), Field("velocity", 2), Field("position", 2, True),
+        Field("position", 2), Field("velocity", 2, unit="m/s"), Field("position", 2, True),
         Field("opening", 1), Field("opening", 1, True),
     )  # fmt: skip
-    assert (SPEC.types, SPEC.width, SPEC.size) == (("cube", "drawer"), 11, 13)
+    assert (SPEC.types, SPEC.width) == (("cube", "drawer"), 11)
+
+
+def test_a_token_holds_differences_of_positions_named_alike() -> None:
+    """Of robot, entity and goal: three of `position` (2 numbers), three of `opening` (1), none of the velocity."""
+    hand, own, goal = slice(0, 2), slice(3, 5), slice(7, 9)
+    assert SPEC.pairs == (
+        (own, hand), (goal, hand), (slice(9, 10), slice(2, 3)), (slice(10, 11), slice(2, 3)), (goal, own),
+        (slice(10, 11), slice(9, 10)),
+    )  # fmt: skip
+    assert SPEC.differences == 9
+    assert SPEC.size == 11 + 9 * (1 + len(SPEC.fine)) + 2
+
+
+def test_fine_copies_tell_centimetres() -> None:
+    """The first cube lies 1 cm from the hand along x and 1 m along y; the finest scale is 1.25 cm, the bound is 2."""
+    tokenizer, states = Tokenizer(SPEC, KITCHEN), states_of(KITCHEN, 1)
+    states[0, 3:5] = states[0, 0:2] + [0.01, 1.0]
+    tokens = tokenizer(torch.from_numpy(states).float())
+    finest = 11 + 9 * len(SPEC.fine)
+    assert SPEC.fine[-1] == 0.0125
+    assert tokens[0, 0, finest : finest + 2].tolist() == pytest.approx([0.8, 2.0], abs=1e-4)
 
 
 def test_columns_lead_to_attributes() -> None:
@@ -86,7 +107,9 @@ def test_other_objects_are_refused(layout: Layout, said: str) -> None:
         SPEC.columns(layout)
 
 
-@pytest.mark.parametrize("spec", [None, [], {"robot": []}, {"robot": [["x", "2", False]], "entity": [], "types": []}])
+@pytest.mark.parametrize(
+    "spec", [None, [], {"robot": []}, {"robot": [["x", "2", False, "m"]], "entity": [], "types": [], "fine": []}]
+)
 def test_what_is_no_spec_is_refused(spec: object) -> None:
     with pytest.raises(ArtifactError, match="token spec cannot be read"):
         TokenSpec.from_json(spec)

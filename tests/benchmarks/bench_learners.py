@@ -20,7 +20,8 @@ from roboscribe.envs.catalogue import make_task
 from roboscribe.rl import clone as cloning
 from roboscribe.rl.config import CloneConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import ALL_UNITS, fit_inverse, probe, random_actions
-from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.learner import LearnerTask
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.program_training import ProgramTraining
 from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill_env import Verdict
@@ -28,6 +29,8 @@ from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.task import Task, World
 from roboscribe.world.trajectory import Trajectory
 
+UNBOUNDED = 10**9
+"""Control steps that start states may take."""
 PROGRAM = "def Reach(μ : EE): b := get(λb:block. true); π_hold(μ, b) until ‖μ↓xyz − b↓xyz‖ < 0.033"
 
 
@@ -115,7 +118,7 @@ class Figures:
 def bench_ppo(training: ProgramTraining, watch: Watch, iterations: int = 10) -> Figures:
     """Run PPO for a few iterations."""
     run, config = training.runs[0], PpoConfig(critic_iterations=0)
-    _, pool, _ = training.pools(run, {})
+    _, pool, _ = training.pools(run, {}, UNBOUNDED)
     skill, learning = training.fresh_skill(run, pool), Watch()
     budget = iterations * config.worlds * config.steps
     task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 1.0, budget)
@@ -134,7 +137,7 @@ def bench_ppo(training: ProgramTraining, watch: Watch, iterations: int = 10) -> 
 def bench_sac(training: ProgramTraining, watch: Watch, rounds: int = 120) -> Figures:
     """Run SAC for some rounds, most of them with updates."""
     run, config = training.runs[0], SacConfig(evaluate_every=rounds, learning_starts=1280)
-    _, pool, _ = training.pools(run, {})
+    _, pool, _ = training.pools(run, {}, UNBOUNDED)
     task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 2.0, config.worlds * rounds)
     learning, train = Watch(), SAC.train
     SAC.train = learning.timed(train)  # type: ignore[method-assign] # the library has no hook around its updates
@@ -153,7 +156,7 @@ def bench_clone(training: ProgramTraining) -> Figures:
     run, config = training.runs[0], CloneConfig()
     frames = training.frames(run)
     assert frames is not None
-    _, pool, _ = training.pools(run, {})
+    _, pool, _ = training.pools(run, {}, UNBOUNDED)
     skill, start = training.fresh_skill(run, pool), perf_counter()
     list(cloning.clone(skill, frames.samples(), config, 0))
     wall = perf_counter() - start

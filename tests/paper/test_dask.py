@@ -14,16 +14,16 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from roboscribe.pipelines.workspace import Home
+from roboscribe.pipelines.workspace import Workspace
 from roboscribe.pipelines.paper.curves import draw_curves
-from roboscribe.pipelines.paper.experiment import Desk, Options
+from roboscribe.pipelines.paper.experiment import ExperimentContext, Options
 from roboscribe.pipelines.paper.cell_runner import Runner
 
 if __name__ == "__main__":
-    options = Options(("point-pick-place-1",), ("roboscribe",), ("scripted",), seeds=2, episodes=10)
+    options = Options(("point-pick-place-1",), ("roboscribe",), ("scripted",), seeds=2, evaluation_episodes=10)
     home, workers = Path(sys.argv[1]), int(sys.argv[2])
-    desk = Desk(Home(home), Runner("local", workers), home / "report", track=False)
-    draw_curves(options, desk, Console())
+    context = ExperimentContext(Workspace(home), Runner("local", workers), home / "report", track=False)
+    draw_curves(options, context, Console())
 """
 
 

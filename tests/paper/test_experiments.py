@@ -25,24 +25,24 @@ from roboscribe.pipelines.paper.curves import draw_curves, make_table1
 from roboscribe.pipelines.paper.demos import draw_demos, ways_of
 from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 from roboscribe.pipelines.paper.methods import budget_of
-from roboscribe.pipelines.synthesis_pipeline import Plan
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.paper.rows import OURS, Trial, read_record
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from tests.pipelines.runs import Command, contents, scripted
 
 ONE, TOWER = "point-pick-place-1", "point-tower-3"
-SMALL = Options((ONE,), (OURS,), ("scripted",), seeds=2, episodes=10)
+SMALL = Options((ONE,), (OURS,), ("scripted",), seeds=2, evaluation_episodes=10)
 
 
 @pytest.fixture(autouse=True)
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make every synthesis one of seconds; seed 7 finds no program."""
 
-    def plan(trial: Trial, given: Path | None = None) -> Plan:
+    def plan(trial: Trial, given: Path | None = None) -> SynthesisPlan:
         limits = Limits(refinements=0 if trial.seed == 7 else 12)
-        own = scripted(trial.seed, trial.task.name, limits=limits, episodes=trial.episodes)
-        return replace(own, demonstrations=given, shown=min(trial.shown, own.shown))
+        own = scripted(trial.seed, trial.task.name, limits=limits, evaluation_episodes=trial.evaluation_episodes)
+        return replace(own, demonstrations=given, n_demonstrations=min(trial.n_demonstrations, own.n_demonstrations))
 
     monkeypatch.setattr(cells, "planned", plan)
 
@@ -73,7 +73,7 @@ def trained(home: Path) -> int:
 
 
 def test_every_program_for_the_task_is_measured(tmp_path: Path) -> None:
-    out = Synthesis(Trial(TaskConfig(ONE), profile="scripted", episodes=10, checked=5)).run(
+    out = Synthesis(Trial(TaskConfig(ONE), profile="scripted", evaluation_episodes=10, rollout_episodes=5)).run(
         CellContext(Workspace(tmp_path), track=False), no_callbacks()
     )
     record = read_record(out)
@@ -88,7 +88,7 @@ def test_every_program_for_the_task_is_measured(tmp_path: Path) -> None:
 
 
 def test_a_cell_without_a_program_says_so(tmp_path: Path) -> None:
-    trial = Trial(TaskConfig(ONE), profile="scripted", seed=7, episodes=10)
+    trial = Trial(TaskConfig(ONE), profile="scripted", seed=7, evaluation_episodes=10)
     record = read_record(Synthesis(trial).run(CellContext(Workspace(tmp_path), track=False), no_callbacks()))
     assert record.ended == "no program"
     assert record.refinements is None
@@ -122,13 +122,18 @@ def test_demonstrations_of_every_size(tmp_path: Path) -> None:
     done = conduct(draw_demos, replace(SMALL, seeds=1), tmp_path)
     found = table(tmp_path, "demos")
     final = found[found["kind"] == "final"]
-    assert list(zip(final["shown"], final["style"], final["failing"], strict=True)) == list(ways_of(ONE, quick=False))
+    assert list(zip(final["n_demonstrations"], final["style"], final["failing"], strict=True)) == list(
+        ways_of(ONE, quick=False)
+    )
     assert len(set(final["demonstrations"])) > 1
     assert done.directory == tmp_path / "report"
 
 
 def test_demonstrations_of_another_style_are_collected_first(tmp_path: Path) -> None:
-    usual, context = Trial(TaskConfig("pick-place-1"), shown=2), CellContext(Workspace(tmp_path), track=False)
+    usual, context = (
+        Trial(TaskConfig("pick-place-1"), n_demonstrations=2),
+        CellContext(Workspace(tmp_path), track=False),
+    )
     slow = cells.demonstrations(replace(usual, style="slow"), context, no_callbacks())
     failing = cells.demonstrations(replace(usual, failing=0.5), context, no_callbacks())
     assert cells.demonstrations(usual, context, no_callbacks()) is None
@@ -144,13 +149,13 @@ def test_only_the_guard_is_learned_again(tmp_path: Path, monkeypatch: pytest.Mon
     """A program that places blocks in any order is shown 30 towers, and its loop takes the lowest goal first."""
     monkeypatch.setattr("roboscribe.pipelines.paper.confined.SHOWN", 30)
     experiment = Confinement("point-place-3", TOWER)
-    options = replace(SMALL, tasks=(), seeds=1, episodes=20)
+    options = replace(SMALL, tasks=(), seeds=1, evaluation_episodes=20)
     done = measure_confined(experiment, options, context(tmp_path), Console(file=io.StringIO()))
     found = table(tmp_path, "confined").set_index("way")
     assert done.failures == ()
     assert list(found.index) == ["old guard", "new guard"]
     assert found.loc["new guard", "successes"] == 20
-    assert found.loc["new guard", "shown"] == 30
+    assert found.loc["new guard", "n_demonstrations"] == 30
     assert "∃b'" not in found.loc["old guard", "loop"]
     assert "g(b')↓z < g(b)↓z" in found.loc["new guard", "loop"]
     before = contents(tmp_path / "report")
@@ -163,7 +168,7 @@ def killed(home: Path, label: str) -> None:
 
     def work() -> None:
         seen: list[str] = []
-        begin = Callbacks.__init__
+        on_stage = Callbacks.__init__
 
         def listening(self: Callbacks, told: Callable[[str], None], *others: object) -> None:
             def hear(stage: str) -> None:
@@ -172,7 +177,7 @@ def killed(home: Path, label: str) -> None:
                     os.kill(os.getpid(), signal.SIGKILL)
                 told(stage)
 
-            begin(self, hear, *others)  # type: ignore[arg-type]  # the other two ears
+            on_stage(self, hear, *others)  # type: ignore[arg-type]  # the other two ears
 
         Callbacks.__init__ = listening  # type: ignore[method-assign]  # in this process only, which dies
         conduct(draw_curves, SMALL, home)

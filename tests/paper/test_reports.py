@@ -107,7 +107,7 @@ def test_more_refinements_than_the_paper_are_named() -> None:
 
 
 def test_demonstration_sizes_stand_beside_the_paper_s() -> None:
-    few = Trial(TaskConfig(ONE), shown=10)
+    few = Trial(TaskConfig(ONE), n_demonstrations=10)
     rows = [*rows_of(few, record([(60_000, 97)], 495)), *rows_of(replace(few, style="slow"), record([(9_000, 3)], 20))]
     report = demos.report(tabulate(rows), (ONE,), (), quick=False)
     assert "| pick-place-1 | actions | 10 | default | 0% | 0 | 99.0 | 99.0 | 99.0 | 60k | 99.8 | 2.28M |" in report.text
@@ -120,10 +120,10 @@ def test_guards_stand_beside_the_paper_s() -> None:
     figures = {"successes": 40, "episodes": 50, "success": 0.8, "ci_low": low, "ci_high": high, "control_steps": 9}
     old = confined.Measurement(
         trained="push-3", task="push-confined-3", method="roboscribe", profile="actions", seed=0, way=confined.OLD,
-        loop="while x", shown=0, demonstrations="", contact="stable", timing="fast", quick=False, commit="c0",
-        figures=figures, seconds=1.0,
+        loop="while x", n_demonstrations=0, demonstrations="", contact="stable", timing="fast", quick=False,
+        commit="c0", figures=figures, seconds=1.0,
     )  # fmt: skip
-    new = replace(old, way=confined.NEW, loop="while y", figures={**figures, "success": 0.9}, shown=10)
+    new = replace(old, way=confined.NEW, loop="while y", figures={**figures, "success": 0.9}, n_demonstrations=10)
     report = confined.report(confined.tabulate([old, new]), quick=False)
     assert "| roboscribe | old guard | 0 | 80.0 | 80.0 | 80.0 | - |" in report.text
     assert "| roboscribe | new guard | 0 | 90.0 | 90.0 | 90.0 | 86.3 ± 0.5 |" in report.text

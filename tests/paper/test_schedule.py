@@ -71,7 +71,7 @@ def test_a_scheduled_run_does_an_experiment(
     scheduled.fn("curves", quick=True, methods=["roboscribe", "bc"], home=str(tmp_path))
     ((name, options, context),) = asked
     assert (name, options) == ("curves", Options(methods=("roboscribe", "bc"), quick=True))
-    assert context.home == Workspace(tmp_path)
+    assert context.workspace == Workspace(tmp_path)
     with pytest.raises(TaskError, match="nothing separates"):
         scheduled.fn("all", home=str(tmp_path))
     with pytest.raises(TaskError, match="unknown experiment 'tables'"):

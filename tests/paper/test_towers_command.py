@@ -21,11 +21,11 @@ from roboscribe.pipelines.paper import cells
 from roboscribe.pipelines.paper.cell_runner import Runner
 from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 from roboscribe.pipelines.paper.towers import Experiment, measure_towers
-from roboscribe.pipelines.synthesis_pipeline import Plan
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages import transfer
 from roboscribe.stages.paper.rows import Trial
 from roboscribe.stages.runtime.store import Stage
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.runs import Command, contents, run, scripted
@@ -34,18 +34,19 @@ from tests.pipelines.stores import empty_store, points, rows, statuses
 EPISODES = 6
 TASKS = ("point-pick-place-1", "point-tower-3")
 """The scripted program solves the first; in the second it takes care of one object of three."""
-SMALL = Options(episodes=EPISODES, tasks=TASKS)
+SMALL = Options(evaluation_episodes=EPISODES, tasks=TASKS)
 NAMES = {"towers.csv", "towers.md", "towers.png", "towers.svg", "manifest.json"}
 SCRIPT = """
 import sys
 from pathlib import Path
 from rich.console import Console
-from roboscribe.pipelines.workspace import Home
-from roboscribe.pipelines.paper.experiment import Desk
+from roboscribe.pipelines.workspace import Workspace
+from roboscribe.pipelines.paper.experiment import ExperimentContext
 from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 from tests.paper.test_towers_command import SMALL, replace
 options = replace(SMALL, programs=(sys.argv[1],))
-measure_towers(Experiment(), options, Desk(Home(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False), Console())
+context = ExperimentContext(Workspace(Path(sys.argv[2])), out=Path(sys.argv[3]), track=False)
+measure_towers(Experiment(), options, context, Console())
 """
 
 
@@ -119,7 +120,7 @@ def test_measurements_are_not_repeated(made: Path, tmp_path: Path, monkeypatch: 
 def small_syntheses(monkeypatch: pytest.MonkeyPatch) -> None:
     """Synthesize for a point task where towers are asked for; that of 4 blocks with seed 1 finds no program."""
 
-    def plan(trial: Trial, given: Path | None = None) -> Plan:
+    def plan(trial: Trial, given: Path | None = None) -> SynthesisPlan:
         limits = Limits(refinements=0 if (trial.task.name, trial.seed) == ("tower-4", 1) else 12)
         return scripted(trial.seed, limits=limits)
 

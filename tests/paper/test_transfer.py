@@ -42,7 +42,7 @@ def test_the_paper_s_figures() -> None:
 def test_an_idle_program_builds_no_tower(tmp_path: Path) -> None:
     """It runs in the physics of a tower, for as long as the task gives it, and is found in the store again."""
     save_program(tmp_path / "idle", SavedProgram("def P(μ : EE):\n  skip\n", {}, {}, {}, ABOUT))
-    config = transfer.Config(TaskConfig("tower-2"), seed=1, episodes=2)
+    config = transfer.Config(TaskConfig("tower-2"), seed=1, evaluation_episodes=2)
     store, told = Store(tmp_path / "store"), []
     out = store.run(transfer.STAGE, config, transfer.inputs_of(tmp_path / "idle"), told.append)
     figures = read_json(out / OUTCOME)
@@ -58,7 +58,7 @@ def test_files_of_two_programs_do_not_mix(tmp_path: Path) -> None:
         save_program(tmp_path / name, SavedProgram("def P(μ : EE):\n  skip\n", tree, {}, {}, ABOUT))
     inputs = {**transfer.inputs_of(tmp_path / "one"), "tree": tmp_path / "two" / "tree.json"}
     with pytest.raises(ArtifactError, match=r"tree\.json: was changed"):
-        transfer.run(transfer.Config(TaskConfig("tower-2"), episodes=1), inputs, tmp_path)
+        transfer.run(transfer.Config(TaskConfig("tower-2"), evaluation_episodes=1), inputs, tmp_path)
 
 
 def measurement(trained: int, seed: int, contact: str, task: str, successes: int) -> Measurement:

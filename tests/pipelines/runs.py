@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
 from roboscribe.pipelines.callbacks import Callbacks
-from roboscribe.pipelines.synthesis_pipeline import Plan
 from roboscribe.pipelines.synthesis_run import Engine, SynthesisRun
 from roboscribe.pipelines.workspace import Workspace
-from roboscribe.rl.config import PoolConfig, PpoConfig, TrainConfig
+from roboscribe.rl.config import BLIND, PoolConfig, PpoConfig, TrainConfig
 from roboscribe.stages.runtime.events import Event
 from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 
 TASK = TaskConfig("point-pick-place-1")
@@ -22,23 +23,37 @@ Command = Callable[..., int]
 """Runs `roboscribe` with some arguments; returns its exit code."""
 
 
-def scripted(seed: int = 0, task: str = TASK.name, **more: object) -> Plan:
+def scripted(seed: int = 0, task: str = TASK.name, **more: object) -> SynthesisPlan:
     """Plan a synthesis that takes a second: nothing is learned."""
-    few = {"shown": 12, "tried": 20, "episodes": 40, "video": False}
-    return Plan(TaskConfig(task), seed, "scripted", **{**few, **more})  # type: ignore[arg-type]  # fields of Plan
+    few = {"n_demonstrations": 12, "rollout_episodes": 20, "evaluation_episodes": 40, "video": False}
+    return SynthesisPlan(TaskConfig(task), seed, "scripted", **{**few, **more})  # type: ignore[arg-type]  # its fields
 
 
-def learned(seed: int = 0) -> Plan:
+def learned(seed: int = 0) -> SynthesisPlan:
     """Plan a synthesis that accepts whatever one short attempt of PPO gives."""
     ppo = PpoConfig(worlds=8, steps=20, epochs=1, minibatches=2, critic_iterations=1, evaluate_every=1)
     training = TrainConfig(
-        budget=40_000, learning=0.03, opaque_budget=1200, pool=PoolConfig(starts=16, evaluation=16), ppo=ppo
+        budget=40_000,
+        learning=0.03,
+        opaque_budget=1200,
+        pool=PoolConfig(starts=16, evaluation=16),
+        learner=ppo,
+        blind=replace(ppo, critic_iterations=BLIND.critic_iterations, noise=BLIND.noise),
     )
-    return Plan(TASK, seed, limits=Limits(success=0.0), training=training, shown=10, tried=5, episodes=5, video=False)
+    return SynthesisPlan(
+        TASK,
+        seed,
+        limits=Limits(success=0.0),
+        training=training,
+        n_demonstrations=10,
+        rollout_episodes=5,
+        evaluation_episodes=5,
+        video=False,
+    )
 
 
 def run(
-    plan: Plan,
+    plan: SynthesisPlan,
     home: Path,
     engine: Engine = "local",
     *,

@@ -9,7 +9,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from roboscribe.stages.tracking.mlflow_store import DATABASE, ensure_store
+from roboscribe.io.tracked import DATABASE
+from roboscribe.stages.tracking.mlflow_store import ensure_store
 
 
 @cache

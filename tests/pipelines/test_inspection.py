@@ -12,13 +12,13 @@ import pytest
 from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.errors import ArtifactError
 from roboscribe.io.demonstrations import write_demonstrations
-from roboscribe.pipelines.report.chapters import Attempt, chapters
+from roboscribe.pipelines.report.chapters import Attempt, read_chapters
 from roboscribe.pipelines.report.films import Film
 from roboscribe.pipelines.report.page import ReportedRun, page
 from roboscribe.pipelines.runs.lookup import LoadedRun, list_runs, open_run
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages.runtime.events import Refined
-from roboscribe.stages.tracking.chronicle import CHRONICLE
+from roboscribe.stages.tracking.event_log import CHRONICLE
 from roboscribe.stages.tracking.mlflow_store import JOURNAL, synchronise
 from roboscribe.world.trajectory import Trajectory
 from tests.html.pages import Page, read
@@ -40,7 +40,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def reported(name: str, home: Path) -> ReportedRun:
     with open_run(name, Workspace(home)) as found:
-        return ReportedRun(found, chapters(found.account))
+        return ReportedRun(found, read_chapters(found.account))
 
 
 def key(home: Path, seed: int) -> str:
@@ -60,9 +60,9 @@ def test_runs_lists_the_latest_first(command: Command, home: Path, capsys: pytes
 
 def test_show_tells_the_story_again(command: Command, home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("show", key(home, 0)[:6], "--home", home) == 0
-    story = capsys.readouterr().out
+    chapters = capsys.readouterr().out
     for told in ("12 of 12 demonstrations", "refinement 2:", "reached ψ_R in 20 of 20 episodes", "π_hold(μ, b) until"):
-        assert told in story
+        assert told in chapters
 
 
 def test_a_run_is_found_by_every_name_it_has(home: Path) -> None:
@@ -92,7 +92,7 @@ def test_a_run_of_another_machine_is_read_from_the_store(home: Path, tmp_path: P
     synchronise(tmp_path / "runs", mlruns)
     [(run_id,)] = rows(mlruns, "select run_uuid from runs where name = 'point-pick-place-1 seed 0'")
     shown = reported(str(run_id), tmp_path)
-    assert len(shown.story.refinements) == 2
+    assert len(shown.chapters.refinements) == 2
     assert "π_hold" in shown.text
 
 
@@ -103,15 +103,15 @@ def test_what_is_not_there_is_refused(home: Path, name: str) -> None:
 
 
 def test_chapters_tell_what_was_tried_and_learned(home: Path) -> None:
-    story = reported(key(home, 0), home).story
-    kinds = [type(chapter) for chapter in story.chapters]
+    chapters = reported(key(home, 0), home).chapters
+    kinds = [type(chapter) for chapter in chapters.read_chapters]
     assert kinds[:2] == [Attempt, Refined], "an attempt fails, and a subgoal is learned from it"
-    assert story.solving[0].rate < 0.5
-    assert story.solving[-1].rate == 1.0
-    steps = [attempt.steps for attempt in story.tried]
+    assert chapters.solving[0].rate < 0.5
+    assert chapters.solving[-1].rate == 1.0
+    steps = [attempt.steps for attempt in chapters.tried]
     assert steps == sorted(steps)
     assert steps[0] > 0
-    first = story.chapters[0]
+    first = chapters.read_chapters[0]
     assert isinstance(first, Attempt)
     assert len(first.failing) == first.counts["episodes"] - first.counts["successes"]
 
@@ -206,7 +206,7 @@ def test_names_in_reports_are_no_markup(home: Path, tmp_path: Path) -> None:
         named = LoadedRun(EVIL, found.directory, found.program, found.account, EVIL)
         film = tmp_path / "a.gif"
         film.write_bytes(b"GIF89a")
-        shown = read(page([ReportedRun(named, chapters(found.account), {-1: [Film(film, EVIL)]})]))
+        shown = read(page([ReportedRun(named, read_chapters(found.account), {-1: [Film(film, EVIL)]})]))
     assert EVIL in shown.of("h1")[0].text
     assert [e.attributes["src"][:14] for e in shown.of("img")] == ["data:image/gif"]
     assert not any(name.startswith("on") for e in shown.elements for name in e.attributes)

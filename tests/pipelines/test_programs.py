@@ -16,12 +16,11 @@ from roboscribe import programs
 from roboscribe.errors import ArtifactError
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
 from roboscribe.pipelines import synthesis_pipeline
-from roboscribe.pipelines.programs import program_directory
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import Plan
 from roboscribe.pipelines.synthesis_run import publish
-from roboscribe.programs import shipped_programs
+from roboscribe.programs import program_directory, shipped_programs
 from roboscribe.rl.config import TrainConfig
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
 from tests.pipelines.runs import Command, contents, run, scripted
 
@@ -123,19 +122,24 @@ def test_what_ships_can_be_loaded() -> None:
 @pytest.mark.parametrize(
     ("plan", "spelled"),
     [
-        (Plan(TaskConfig("tower-5")), "roboscribe synthesize tower-5 --seed 0 --profile actions"),
+        (SynthesisPlan(TaskConfig("tower-5")), "roboscribe synthesize tower-5 --seed 0 --profile actions"),
         (
-            Plan(TaskConfig("tower-5", "paper", "faithful"), 3, demonstrations=Path("my demos.parquet"), episodes=9),
+            SynthesisPlan(
+                TaskConfig("tower-5", "paper", "faithful"),
+                3,
+                demonstrations=Path("my demos.parquet"),
+                evaluation_episodes=9,
+            ),
             "roboscribe synthesize tower-5 --seed 3 --profile actions --demos 'my demos.parquet' --episodes 9"
             " --contact paper --timing faithful",
         ),
         (
-            Plan(TaskConfig("tower-5"), training=TrainConfig(budget=7)),
+            SynthesisPlan(TaskConfig("tower-5"), training=TrainConfig(budget=7)),
             "roboscribe synthesize tower-5 --seed 0 --profile actions --budget 7",
         ),
     ],
 )
-def test_the_command_that_makes_a_program(plan: Plan, spelled: str) -> None:
+def test_the_command_that_makes_a_program(plan: SynthesisPlan, spelled: str) -> None:
     assert synthesis_pipeline.command(plan, "actions") == spelled
 
 

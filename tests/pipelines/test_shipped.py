@@ -28,7 +28,7 @@ def test_each_is_small_and_says_how_it_was_made(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_each_solves_its_task(name: str) -> None:
     program, where = load_with_task(TRAINED / name, None, "stable", "fast")
-    result = evaluation(program, Config(where, seed=123, episodes=8))
+    result = evaluation(program, Config(where, seed=123, evaluation_episodes=8))
     success = result["success"]
     assert isinstance(success, float)
     assert success >= 7 / 8

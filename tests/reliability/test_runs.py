@@ -16,10 +16,10 @@ import numpy as np
 import psutil
 import pytest
 
-from roboscribe.pipelines.synthesis_pipeline import Plan
 from roboscribe.stages import train
 from roboscribe.stages.runtime.journal import read_records
 from roboscribe.stages.runtime.store import PROGRESS
+from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.runs import contents, learned, outputs, run, scripted
 from tests.pipelines.stores import empty_store, statuses
@@ -29,17 +29,17 @@ FORK = get_context("fork")
 PROGRAM = {"controllers.safetensors", "manifest.json", "program.txt", "tree.json"}
 
 
-def start(plan: Plan, home: Path, fatal: Callable[[str], bool] = lambda path: False) -> BaseProcess:
+def start(plan: SynthesisPlan, home: Path, fatal: Callable[[str], bool] = lambda path: False) -> BaseProcess:
     """Run a plan in a process of its own, which is killed right before it creates or renames a `fatal` file."""
 
-    def watch(event: str, arguments: tuple[object, ...]) -> None:
+    def on_progress(event: str, arguments: tuple[object, ...]) -> None:
         creates = event == "open" and isinstance(arguments[2], int) and arguments[2] & os.O_CREAT
         path = str(arguments[0])
         if (creates or event == "os.rename") and path.startswith(str(home)) and fatal(path):
             os.kill(os.getpid(), signal.SIGKILL)
 
     def work() -> None:
-        sys.addaudithook(watch)
+        sys.addaudithook(on_progress)
         run(plan, home)
 
     process = FORK.Process(target=work)
@@ -47,7 +47,7 @@ def start(plan: Plan, home: Path, fatal: Callable[[str], bool] = lambda path: Fa
     return process
 
 
-def killed_until_done(plan: Plan, home: Path, seed: int) -> int:
+def killed_until_done(plan: SynthesisPlan, home: Path, seed: int) -> int:
     """Run a plan again and again, each time killed before one of its next writes; returns how often it was killed."""
     rng = np.random.default_rng(seed)
     for kills in range(60):
@@ -62,7 +62,9 @@ def killed_until_done(plan: Plan, home: Path, seed: int) -> int:
 
 @pytest.mark.parametrize("plan", [scripted, learned])
 @pytest.mark.parametrize("seed", range(2))
-def test_row_1_a_killed_run_goes_on_to_the_same_end(plan: Callable[[], Plan], seed: int, tmp_path: Path) -> None:
+def test_row_1_a_killed_run_goes_on_to_the_same_end(
+    plan: Callable[[], SynthesisPlan], seed: int, tmp_path: Path
+) -> None:
     assert isinstance(run(plan(), tmp_path / "whole"), dict)
     assert killed_until_done(plan(), tmp_path / "killed", seed) >= 3
     assert contents(tmp_path / "killed" / "program") == contents(tmp_path / "whole" / "program")

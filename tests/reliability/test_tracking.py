@@ -15,13 +15,12 @@ from mlflow import MlflowClient
 from roboscribe.abstraction_refinement import Limits
 from roboscribe.errors import Fail
 from roboscribe.io.atomic import Json
+from roboscribe.io.tracked import DATABASE, database_uri
 from roboscribe.stages.runtime.events import Event, Refined, Trained
 from roboscribe.stages.runtime.journal import read_records
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.tracking.mlflow_store import (
-    DATABASE,
     STATE,
-    database_uri,
     ensure_store,
     open_sync,
     run_id_of,
@@ -42,7 +41,7 @@ def tracker(home: Path, title: str = "some run") -> Tracker:
 def tell(listening: Tracker, steps: range) -> None:
     """Tell a learner's figures."""
     for step in steps:
-        listening.watch(Progress("hold", step, 100, "steps", {"success": step / 100}, time=1000 + step))
+        listening.on_progress(Progress("hold", step, 100, "steps", {"success": step / 100}, time=1000 + step))
 
 
 def copy(home: Path) -> None:
@@ -79,8 +78,8 @@ def test_every_step_is_a_run_or_a_figure(tmp_path: Path) -> None:
         mlruns, "select key, count(*) from params where key in ('task', 'seed', 'profile', 'kind') group by key"
     )
     assert dict(shared) == dict.fromkeys(("task", "seed", "profile", "kind"), len(names))  # type: ignore[arg-type]
-    assert ("evaluation", 0, 1.0) in points(mlruns, "success")
-    assert [row[2] for row in points(mlruns, "refinements")] == [2.0]
+    assert [value for name, _, value in points(mlruns, "success") if name == "evaluation"] == [1.0]
+    assert [row[2] for row in points(mlruns, "refinements")] == [1.0, 2.0, 2.0]
     parents = rows(mlruns, "select count(*) from tags where key = 'mlflow.parentRunId'")
     assert parents == [(len(names) - 1,)]
     ((digest,),) = rows(mlruns, "select digest from datasets")
@@ -228,7 +227,7 @@ def test_a_resumed_run_has_one_result(tmp_path: Path) -> None:
     assert run(scripted(), tmp_path) == resumed
     (journal,) = (tmp_path / "data" / "runs").glob("*/journal.jsonl")
     told = [r["key"] for _, r in read_records(journal) if r["run"] == "" and r["kind"] == "metric"]
-    assert told.count("wall_seconds") == told.count("success") == 1
+    assert told.count("wall_seconds") == told.count("evaluation_steps") == 1
 
 
 def delete_experiment(home: Path) -> MlflowClient:

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from carry_world import PROGRAM, Carry, Direct, layout
 
 from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
@@ -11,6 +10,7 @@ from roboscribe.rl.clone import CloningSamples, clone, gaussian_loss
 from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.skill import Skill
+from tests.rl.carry_world import PROGRAM, Carry, Direct, layout
 
 QUICK = CloneConfig(steps=200, hidden=(32, 32), checkpoints=2)
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from carry_world import HOLD, PROGRAM, Carry, Direct, layout
 
 from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
@@ -17,6 +16,7 @@ from roboscribe.rl.skill_env import SkillEvaluator
 from roboscribe.rl.subtask import Subtask
 from roboscribe.rl.warm_start import Frames, clone_states, frames_of, joined
 from roboscribe.world import Trajectory
+from tests.rl.carry_world import HOLD, PROGRAM, Carry, Direct, layout
 
 TASK = Carry()
 QUICK = InverseConfig(steps=400, hidden=(32, 32), tries=4)
@@ -82,7 +82,7 @@ def test_clones_demonstrations_without_actions(stored: bool) -> None:
     )
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout())
     fresh = Skill("hold", spec.fitted(layout(), frames.states, frames.entities), (), layout())
-    found = clone_states(fresh, frames, training, SPEC, evaluator, config, 0)
+    found = clone_states([fresh], frames, training, SPEC, evaluator, config, 0)
     assert found is not None
     skill, rate = found
     assert rate >= 0.8

@@ -16,7 +16,7 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.parser import parse_program
 from roboscribe.envs.catalogue import make_task
 from roboscribe.rl.config import Profile, TrainConfig
-from roboscribe.rl.train_program import quiet, step_limits, train_program
+from roboscribe.rl.train_program import no_log, step_limits, train_program
 
 PROGRAM = parse_program(
     """def PickPlace(μ : EE):
@@ -27,7 +27,7 @@ PROGRAM = parse_program(
 EPISODES = 500
 
 
-def train_and_evaluate(profile: Profile, seed: int, count: int, log: object = quiet) -> tuple[float, int, float]:
+def train_and_evaluate(profile: Profile, seed: int, count: int, log: object = no_log) -> tuple[float, int, float]:
     """Train both skills; returns success on fresh episodes, control steps of training, and seconds of training."""
     task = make_task("pick-place-1")
     shown = task.demonstrate(count, seed)

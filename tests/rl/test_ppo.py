@@ -6,19 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from carry_world import HOLD, PROGRAM, Carry
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.config import PpoConfig
+from roboscribe.rl.learner import LearnerTask
 from roboscribe.rl.observation import observation_spec
-from roboscribe.rl.ppo import LearnerTask, train_ppo
+from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, Verdict
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Subtask
+from tests.rl.carry_world import HOLD, PROGRAM, Carry
 
 TASK = Carry()
 SMALL = PpoConfig(worlds=8, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=1)

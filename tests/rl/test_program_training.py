@@ -1,13 +1,13 @@
 """What follows from a program for one of its skills."""
 
 import pytest
-from carry_world import Carry
 
 from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Not, Predicate, Program, Truth
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.program_training import ProgramTraining
+from tests.rl.carry_world import Carry
 
 LOOP = """def P(μ : EE):
   while (b := get(λb:block. ¬‖b↓xy − g(b)↓xy‖ < 0.08)) ≠ null:
@@ -34,7 +34,7 @@ def test_what_a_loop_repeats_must_succeed_as_often_as_all_repetitions_together()
 
 
 @pytest.mark.parametrize(
-    ("text", "onward"),
+    ("text", "continues_if"),
     [(LINE, [Truth(), Not(Truth())]), (LOOP, [Truth(), UNSERVED]), (LOOP + LEAVE, [Truth(), Truth(), Not(Truth())])],
 )
 def test_the_last_statement_is_to_bring_the_task_about(text: str, continues_if: list[Predicate]) -> None:

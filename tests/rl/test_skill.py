@@ -6,7 +6,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import torch
-from carry_world import PROGRAM, layout
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
@@ -14,6 +13,7 @@ from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.skill import CHUNK, Skill
 from roboscribe.rl.torch_net import linears, load_layers, mlp
+from tests.rl.carry_world import PROGRAM, layout
 
 
 def skill(blocks: int = 1, seed: int = 0) -> Skill:

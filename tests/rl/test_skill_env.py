@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from carry_world import AT, HOLD, PROGRAM, Carry, Direct
 
 from roboscribe.dsl.syntax import Not, Solved, Truth
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import SkillEnv, evaluate_skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
+from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, Direct
 
 TASK = Carry()
 GAMMA = 0.9

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.train_program import TrainingResult, step_limits, train_program
+from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 TASK = Carry()
 SHOWN = TASK.demonstrate(15, 0)
@@ -25,9 +25,10 @@ QUICK = TrainConfig(
     pool=PoolConfig(starts=24, evaluation=16, opaque=8, batch=16, screening=4),
     clone=CloneConfig(steps=250, hidden=(32, 32), checkpoints=2, attempts=1),
     inverse=InverseConfig(steps=400, hidden=(32, 32)),
-    ppo=PpoConfig(worlds=16, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=2),
-    sac=SacConfig(worlds=8, updates=1, batch=16, learning_starts=80, buffer=2000, hidden=(16, 16), evaluate_every=50),
+    learner=PpoConfig(worlds=16, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=2),
+    blind=PpoConfig(worlds=16, steps=10, epochs=2, minibatches=2, critic_iterations=0, evaluate_every=2, noise=0.5),
 )
+SAC = SacConfig(worlds=8, updates=1, batch=16, learning_starts=80, buffer=2000, hidden=(16, 16), evaluate_every=50)
 FIRST = Program("Reach", Seq((Get(b, "block", Truth()), Run("hold", (mu, b), HOLD))))
 LOOP = Program(
     "Loop",
@@ -61,7 +62,10 @@ def test_every_control_step_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
         return worlds[-1]
 
     monkeypatch.setattr(Carry, "world", counted)
-    states, paper = replace(QUICK, profile="states", target=2.0), replace(QUICK, profile="paper", target=2.0)
+    states, paper = (
+        replace(QUICK, profile="states", target=2.0),
+        replace(QUICK, profile="paper", learner=SAC, target=2.0),
+    )
     for config, program in ((replace(QUICK, target=2.0), PROGRAM), (states, FIRST), (paper, FIRST)):
         worlds.clear()
         result = train_program(TASK, program, SHOWN, {}, config, 0, solve=program is PROGRAM)
@@ -116,7 +120,7 @@ def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
     (report,) = train_program(TASK, BLIND, SHOWN, {}, QUICK, 0).reports
     assert report.learner in {"initial", "ppo"}
     assert report.starts <= QUICK.pool.opaque
-    evaluations = 1 + QUICK.opaque_budget // (160 * QUICK.ppo.evaluate_every)
+    evaluations = 1 + QUICK.opaque_budget // (160 * QUICK.blind.evaluate_every)
     assert report.control_steps <= QUICK.opaque_budget + evaluations * QUICK.pool.opaque * TASK.horizon
 
 
@@ -133,6 +137,7 @@ def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
 def test_a_budget_is_a_budget(profile: str, program: Program, budget: int) -> None:
     """Start states, clones, evaluations and learning together; formerly `--budget 60000` reported 135,315 steps."""
     config = replace(QUICK, budget=budget, learning=1.0, target=2.0, profile=profile)  # type: ignore[arg-type]
+    config = replace(config, learner=SAC) if profile == "paper" else config
     result = train_program(TASK, program, SHOWN, {}, config, 0, solve=program is not FIRST)
     for name in result.library:
         assert sum(each.control_steps for each in result.reports if each.controller == name) <= budget
@@ -149,7 +154,7 @@ def test_profile_states_reads_no_actions(trained: TrainingResult) -> None:
 
 
 def test_profile_paper_learns_by_sac_alone() -> None:
-    config = replace(QUICK, profile="paper", target=2.0)
+    config = replace(QUICK, profile="paper", learner=SAC, target=2.0)
     reports = train_program(TASK, FIRST, SHOWN, {}, config, 0, solve=False).reports
     assert [report.learner for report in reports] in (["sac"], ["initial"])
 

@@ -31,7 +31,7 @@ def test_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_two_stages_by_hand(tmp_path: Path) -> None:
     task = {"name": "point-pick-place-1"}
-    config = json.dumps({"task": task, "episodes": 3, "seed": 1})
+    config = json.dumps({"task": task, "n_demonstrations": 3, "seed": 1})
     assert cli.main(collect.STAGE, ["--config", config, "--out", str(tmp_path / "a")]) == 0
     given = f"demonstrations={tmp_path / 'a' / 'demonstrations.parquet'}"
     (tmp_path / "config.json").write_text(json.dumps({"task": task}))

@@ -9,7 +9,7 @@ import pytest
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import Json
-from roboscribe.rl.config import CloneConfig, TrainConfig
+from roboscribe.rl.config import CloneConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.stages import train
 from roboscribe.stages.runtime.configuration import decode, encode
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -18,7 +18,7 @@ CONFIG = train.Config(
     TaskConfig("point-pick-place-1", timing="faithful"),
     goal="at",
     seed=3,
-    settings=replace(TrainConfig(profile="states"), clone=CloneConfig(hidden=(8, 8, 8))),
+    training=replace(TrainConfig(profile="states"), learner=SacConfig(updates=3), clone=CloneConfig(hidden=(8, 8, 8))),
     afresh=("hold",),
 )
 
@@ -38,13 +38,20 @@ def test_what_is_left_out_has_its_default() -> None:
         ({"task": {"name": "a"}, "sed": 1}, "found 'sed'"),
         ({"task": {"name": "a"}, "seed": "1"}, r"config.seed: found '1', expected int"),
         ({"task": {"name": "a"}, "seed": True}, r"config.seed: found True, expected int"),
-        ({"task": {"name": "a"}, "settings": {"profile": "all"}}, r"config.settings.profile: found 'all'"),
+        ({"task": {"name": "a"}, "training": {"profile": "all"}}, r"config.training.profile: found 'all'"),
         ({"task": "a"}, r"config.task: found 'a', expected TaskConfig"),
     ],
 )
 def test_what_is_wrong_is_named(value: Json, said: str) -> None:
     with pytest.raises(ArtifactError, match=said):
         decode(train.Config, value, "config")
+
+
+def test_a_learner_is_known_by_the_names_of_its_settings() -> None:
+    assert decode(TrainConfig, {"learner": {"tau": 0.1}}).learner == SacConfig(tau=0.1)
+    assert decode(TrainConfig, {"learner": {"clip": 0.1}}).learner == PpoConfig(clip=0.1)
+    with pytest.raises(ArtifactError, match="found 'tua'"):
+        decode(TrainConfig, {"learner": {"tua": 0.1}})
 
 
 def test_only_plain_values_are_settings() -> None:

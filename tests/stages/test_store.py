@@ -12,7 +12,7 @@ from time import sleep
 import pytest
 
 from roboscribe.errors import ArtifactError
-from roboscribe.stages.runtime.progress import Report
+from roboscribe.stages.runtime.progress import ProgressCallback
 from roboscribe.stages.runtime.store import MANIFEST, METRICS, PROGRESS, Inputs, Stage, Store
 
 
@@ -38,7 +38,7 @@ class Counting:
         self._then = then
         self.stage = Stage("multiply", Config, self._run)
 
-    def _run(self, config: Config, inputs: Inputs, out: Path, report: Report) -> None:
+    def _run(self, config: Config, inputs: Inputs, out: Path, report: ProgressCallback) -> None:
         self.runs += 1
         (out / "product.txt").write_text(str(config.factor * int(inputs["number"].read_text())))
         self._then(out)

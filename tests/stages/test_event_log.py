@@ -9,7 +9,7 @@ import pytest
 
 from roboscribe.errors import ArtifactError
 from roboscribe.stages.runtime.events import Abandoned, Evaluated, Event, Failed, Refined, Removed, RolledOut
-from roboscribe.stages.tracking.chronicle import CHRONICLE, Chronicle, read_event_log
+from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter, read_event_log
 from tests.pipelines.runs import run, scripted
 
 
@@ -28,30 +28,30 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Event]]:
 def test_a_run_is_told_as_it_was_heard(told: tuple[Path, list[Event]]) -> None:
     home, heard = told
     account = read_event_log(written(home))
-    assert [each.event for each in account.told] == heard
+    assert [each.event for each in account.entries] == heard
     assert account.about["title"] == "point-pick-place-1 seed 0"
     assert account.about["plan"]["task"]["name"] == "point-pick-place-1"
     assert account.result["success"] == 1.0
-    assert account.began <= min(each.time for each in account.told) <= account.ended
+    assert account.began <= min(each.time for each in account.entries) <= account.ended
 
 
 def test_failing_episodes_and_strips_are_in_it(told: tuple[Path, list[Event]]) -> None:
     account = read_event_log(written(told[0]))
-    tried = [each for each in account.told if isinstance(each.event, RolledOut)]
+    tried = [each for each in account.entries if isinstance(each.event, RolledOut)]
     for each in tried:
         assert isinstance(each.event, RolledOut)
         lost = each.event.counts["episodes"] - each.event.counts["successes"]
         assert len(each.more["failing"]) == lost
     assert any(each.more["failing"] for each in tried), "the first program fails"
-    final = [each.more["failing"] for each in account.told if isinstance(each.event, Evaluated)]
+    final = [each.more["failing"] for each in account.entries if isinstance(each.event, Evaluated)]
     assert final == [[]]
-    strips = [each.event.strips for each in account.told if isinstance(each.event, Refined)]
+    strips = [each.event.strips for each in account.entries if isinstance(each.event, Refined)]
     assert [len(each.rows) for each in strips] == [12, 12], "one row per demonstration"
 
 
 def test_it_stands_alone(told: tuple[Path, list[Event]], tmp_path: Path) -> None:
     shutil.copy(written(told[0]), tmp_path / "elsewhere.jsonl")
-    assert [each.event for each in read_event_log(tmp_path / "elsewhere.jsonl").told] == told[1]
+    assert [each.event for each in read_event_log(tmp_path / "elsewhere.jsonl").entries] == told[1]
 
 
 def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) -> None:
@@ -62,7 +62,7 @@ def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) 
     assert not read_event_log(path).result
     run(scripted(), home)
     assert path.read_bytes().splitlines(keepends=True)[:5] == lines[:5], "what was told keeps its time"
-    assert [each.event for each in read_event_log(path).told] == heard
+    assert [each.event for each in read_event_log(path).entries] == heard
     before = path.read_bytes()
     run(scripted(), home)
     assert path.read_bytes() == before
@@ -70,12 +70,12 @@ def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) 
 
 def test_what_ends_without_a_program_says_why(tmp_path: Path) -> None:
     path, ends = tmp_path / CHRONICLE, (Abandoned("too slow"), Removed("hold", 0.5), Failed("nothing separates"))
-    chronicle = Chronicle(path, {"title": "t"})
+    event_log = EventLogWriter(path, {"title": "t"})
     for event in ends:
-        chronicle.listen(event)
-    chronicle.end({"reason": "nothing separates"})
+        event_log.on_event(event)
+    event_log.end({"reason": "nothing separates"})
     found = read_event_log(path)
-    assert tuple(each.event for each in found.told) == ends
+    assert tuple(each.event for each in found.entries) == ends
     assert found.result == {"reason": "nothing separates"}
 
 
@@ -94,7 +94,7 @@ def test_another_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / CHRONICLE
     path.write_bytes(content)
     with pytest.raises(ArtifactError, match=CHRONICLE):
-        assert read_event_log(path).told
+        assert read_event_log(path).entries
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:

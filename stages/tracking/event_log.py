@@ -1,4 +1,4 @@
-"""What happened in a synthesis, written down so that it can be told again: every event in a JSON Lines file of the run.
+"""The event log of a synthesis: every event in a JSON Lines file of the run, from which it can be shown again.
 
 Reports, `roboscribe show` and `roboscribe runs` read it. It stands alone: what a report shows is in it, not only where
 it lies. A run that is resumed tells its events again; they are recognised by their number and keep their first time.
@@ -42,8 +42,8 @@ CHRONICLE = "chronicle.jsonl"
 BEGAN, ENDED = "began", "ended"
 
 
-class Chronicle:
-    """Writes down one run.
+class EventLogWriter:
+    """Writes the event log of one run.
 
     Args:
         path: the file.
@@ -51,18 +51,18 @@ class Chronicle:
     """
 
     def __init__(self, path: Path, about: Mapping[str, Json]) -> None:
-        """Begin, or go on with what an interrupted run wrote."""
+        """Begin a log, or continue that of an interrupted run."""
         self.path = path
         self._journal = Journal(path, ("number",))
         self._count = 0
         self._append(BEGAN, about)
 
-    def listen(self, event: Event) -> None:
-        """Write an event down."""
+    def on_event(self, event: Event) -> None:
+        """Append an event."""
         self._append(type(event).__name__, _encoded(event))
 
     def end(self, result: Mapping[str, Json]) -> None:
-        """Write down what came out."""
+        """Append the result."""
         self._append(ENDED, result)
 
     def _append(self, kind: str, value: Mapping[str, Json]) -> None:
@@ -72,7 +72,7 @@ class Chronicle:
 
 @dataclass(frozen=True)
 class LoggedEvent:
-    """One thing that happened.
+    """One event of a log.
 
     Args:
         time: when, milliseconds since 1970.
@@ -87,7 +87,7 @@ class LoggedEvent:
 
 @dataclass(frozen=True)
 class EventLog:
-    """Everything that was written down about one run.
+    """The event log of one run, as it was read.
 
     Args:
         path: the file.
@@ -99,12 +99,12 @@ class EventLog:
 
     @property
     def about(self) -> Mapping[str, Any]:
-        """What was said before anything happened: title, plan, commit and command."""
+        """The opening record: title, plan, commit and command."""
         return _mapping(self.records[0]["value"])
 
     @property
     def result(self) -> Mapping[str, Any]:
-        """What came out; empty where the run did not end by itself."""
+        """The result; empty where the run did not end by itself."""
         last = self.records[-1]
         return _mapping(last["value"]) if last["kind"] == ENDED else {}
 
@@ -115,12 +115,12 @@ class EventLog:
 
     @property
     def ended(self) -> int:
-        """When the last word was written."""
+        """When the last record was written, milliseconds since 1970."""
         return _time(self.records[-1])
 
     @cached_property
-    def told(self) -> tuple[LoggedEvent, ...]:
-        """What happened, in order.
+    def entries(self) -> tuple[LoggedEvent, ...]:
+        """The events in order.
 
         Raises:
             ArtifactError: an event cannot be read.
@@ -132,7 +132,7 @@ class EventLog:
 
 
 def read_event_log(path: Path) -> EventLog:
-    """Read what was written down about a run.
+    """Read a run's event log.
 
     Raises:
         ArtifactError: there is no such file, or it holds something else.
@@ -291,5 +291,5 @@ def _strips_from_json(value: Mapping[str, Any]) -> Strips:
 
 
 def _spans(spans: list[list[int]]) -> Iterator[tuple[int, int, int]]:
-    for begin, end, count in spans:
-        yield int(begin), int(end), int(count)
+    for on_stage, end, count in spans:
+        yield int(on_stage), int(end), int(count)

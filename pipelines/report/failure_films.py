@@ -16,7 +16,7 @@ from roboscribe.stages.runtime.configuration import decode
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS, read_library
 from roboscribe.stages.runtime.files import read_json
 from roboscribe.stages.runtime.task_config import TaskConfig
-from roboscribe.stages.tracking.chronicle import EventLog
+from roboscribe.stages.tracking.event_log import EventLog
 from roboscribe.stages.train import LIMITS
 from roboscribe.subtask_tree import ROOT
 
@@ -41,12 +41,12 @@ class Scene:
     failing: tuple[tuple[int, ...], ...]
 
 
-def shoot_failures(found: LoadedRun, story: Chapters, count: int, directory: Path) -> dict[int, list[Film]]:
+def film_failures(found: LoadedRun, chapters: Chapters, count: int, directory: Path) -> dict[int, list[Film]]:
     """Film failing episodes of a run.
 
     Args:
         found: the run; without an account nobody knows which episodes failed.
-        story: its chapters.
+        chapters: its chapters.
         count: most films of each program.
         directory: where films go.
 
@@ -60,20 +60,21 @@ def shoot_failures(found: LoadedRun, story: Chapters, count: int, directory: Pat
         return {}
     where = decode(TaskConfig, found.account.about["plan"]["task"], "plan.task")
     return {
-        scene.place: _shoot(scene, where, count, directory) for scene in _scenes(found, story, found.account, where)
+        scene.place: _film_scene(scene, where, count, directory)
+        for scene in _scenes(found, chapters, found.account, where)
     }
 
 
-def _scenes(found: LoadedRun, story: Chapters, account: EventLog, where: TaskConfig) -> Iterator[Scene]:
+def _scenes(found: LoadedRun, chapters: Chapters, account: EventLog, where: TaskConfig) -> Iterator[Scene]:
     """List programs that failed and whose controllers are there."""
     confirm = int(account.about["plan"]["training"]["confirm"])
-    for place, chapter in enumerate(story.chapters):
+    for place, chapter in enumerate(chapters.read_chapters):
         if isinstance(chapter, Attempt) and chapter.failing and chapter.library is not None:
             program = _attempted(chapter, chapter.library, where, confirm)
             if program is not None:
                 yield Scene(place, program, chapter.goal, chapter.failing)
-    if story.failing and found.program is not None and not found.program.edited:
-        yield Scene(FINAL, runnable(found.program, where.make(), found.name), ROOT, story.failing)
+    if chapters.failing and found.program is not None and not found.program.edited:
+        yield Scene(FINAL, runnable(found.program, where.make(), found.name), ROOT, chapters.failing)
 
 
 def _attempted(attempt: Attempt, library: Path, where: TaskConfig, confirm: int) -> Runnable | None:
@@ -84,7 +85,7 @@ def _attempted(attempt: Attempt, library: Path, where: TaskConfig, confirm: int)
     return Runnable(attempt.program, skills, read_json(library / LIMITS), confirm)
 
 
-def _shoot(scene: Scene, where: TaskConfig, count: int, directory: Path) -> list[Film]:
+def _film_scene(scene: Scene, where: TaskConfig, count: int, directory: Path) -> list[Film]:
     """Film the first failing episodes of a program."""
     task, chosen = where.make(), scene.failing[:count]
     numbers = [number for number, *_ in chosen]

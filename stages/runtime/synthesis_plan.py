@@ -1,0 +1,47 @@
+"""What is asked for when a program is to be found: the one record that the command line fills and every stage reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS, ROLLOUT_EPISODES
+from roboscribe.programs import program_name
+from roboscribe.rl.config import Profile, TrainConfig
+from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.steps import Limits
+
+
+@dataclass(frozen=True)
+class SynthesisPlan:
+    """What is asked for.
+
+    Args:
+        task: where.
+        seed: decides everything.
+        profile: what may be learned from, or `scripted` for the task's own controllers; None is `actions` where the
+            demonstrations have them, else `states`.
+        demonstrations: a Parquet file; None collects some.
+        n_demonstrations: how many to collect.
+        rollout_episodes: episodes per rollout of Algorithm 2.
+        evaluation_episodes: episodes of the final evaluation.
+        limits: accuracy asked and effort allowed.
+        training: settings of the learners, but for the profile.
+        video: whether an episode is filmed.
+    """
+
+    task: TaskConfig
+    seed: int = 0
+    profile: Profile | None = None
+    demonstrations: Path | None = None
+    n_demonstrations: int = N_DEMONSTRATIONS
+    rollout_episodes: int = ROLLOUT_EPISODES
+    evaluation_episodes: int = EVALUATION_EPISODES
+    limits: Limits = field(default_factory=Limits)
+    training: TrainConfig = field(default_factory=TrainConfig)
+    video: bool = True
+
+    @property
+    def program_name(self) -> str:
+        """What the program is called."""
+        return program_name(self.task.name)
