@@ -119,6 +119,8 @@ def train_program(
     )
     skills, reports = dict(library), list[SkillReport]()
     for job in _new(training, library):
+        if job.together and _subgoal_is_missing(training, reports):
+            continue
         before = sum(each.control_steps for each in reports if each.controller == job.run.controller)
         skills[job.run.controller], report = _learn(training, context, job, skills, before)
         reports.append(report)
@@ -159,12 +161,14 @@ class _SkillJob:
         title: under which its progress is kept.
         reinforce: whether reinforcement learning may follow the warm start.
         again: whether it was learned before, so that no subgoal is expected before it.
+        together: whether its loop's controllers have all had a first turn.
     """
 
     run: Run
     title: str
     reinforce: bool = True
     again: bool = False
+    together: bool = False
 
 
 def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_SkillJob]:
@@ -178,7 +182,14 @@ def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_S
         for run in runs:
             yield _SkillJob(run, training.title(run), reinforce=not group.loop)
         for run in runs if group.loop else ():
-            yield _SkillJob(run, f"{run.controller}.loop")
+            yield _SkillJob(run, f"{run.controller}.loop", together=True)
+
+
+def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
+    """Tell whether what was cloned for a subgoal's program mostly fails, so that its loop shows no later iterations."""
+    config = training.config
+    failing = any(report.success < config.worth_improving for report in reports)
+    return failing and config.profile == "actions" and not training.solve
 
 
 def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
