@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Literal, TypeAlias
 
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
-from roboscribe.io.atomic import Json, canonical_json, sha256_of
+from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_file
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
@@ -21,6 +21,7 @@ from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode, flattened
 from roboscribe.stages.runtime.events import Event, EventCallback
+from roboscribe.stages.runtime.plan_file import CONFIG, to_toml
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
@@ -74,6 +75,8 @@ class SynthesisRun:
             spelled = command(self.plan, self.plan.profile)
             tracker.settings(self._settings())
             tracker.tags({**source_tags(spelled, commit), NOTE_TAG: begun(spelled)})
+            write_file(directory / CONFIG, to_toml(self.plan).encode())
+            tracker.attach(directory / CONFIG)
             event_log = EventLogWriter(directory / CHRONICLE, self._about(commit))
             try:
                 found = self._synthesize(callbacks, (tracker.on_event, event_log.on_event), tracker)

@@ -13,7 +13,7 @@ from roboscribe.controllers import Library, to_parts
 from roboscribe.dsl.printer import program_text
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
-from roboscribe.errors import ArtifactError
+from roboscribe.errors import ArtifactError, did_you_mean
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import MANIFEST, SavedProgram, load_program
 from roboscribe.io.tracked import is_run_id, tracked_program, usual_mlruns
@@ -76,7 +76,7 @@ def find_program(name: str | Path, *also: str) -> Path:
         return TRAINED / name
     shipped = f"a shipped program ({', '.join(shipped_names()) or 'there are none'})"
     expected = " or ".join((", ".join(("a program's directory", *also)), shipped))
-    msg = f"program {name}: does not exist; expected {expected}"
+    msg = f"program {name}: does not exist; {did_you_mean(str(name), shipped_names())}expected {expected}"
     raise ArtifactError(msg)
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from roboscribe.errors import ArtifactError
+from roboscribe.errors import ArtifactError, did_you_mean
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.lock import is_held
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
@@ -115,7 +115,8 @@ def open_run(name: str, workspace: Workspace) -> Iterator[LoadedRun]:
             yield found
     elif not Path(name).exists() and name not in shipped_names():
         expected = "a program's directory, a run that `roboscribe runs` lists, an MLflow run id, or a shipped program"
-        msg = f"run {name}: there is nothing of this name; expected {expected} ({', '.join(shipped_names())})"
+        hint = did_you_mean(name, shipped_names())
+        msg = f"run {name}: there is nothing of this name; {hint}expected {expected} ({', '.join(shipped_names())})"
         raise ArtifactError(msg)
     else:
         with program_directory(name, workspace.mlruns) as directory:
