@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from io import StringIO
+from typing import Any
 from uuid import UUID
 
 from rich.console import Console
@@ -49,10 +49,8 @@ class FlowLog:
         from prefect.client.orchestration import get_client
         from prefect.client.schemas.actions import LogCreate
 
-        logs = [
-            LogCreate(name=LOGGER, level=INFO, message=line, timestamp=when, flow_run_id=flow_run)
-            for when, line in self._lines
-        ]
+        about = {"name": LOGGER, "level": INFO, "flow_run_id": flow_run}
+        logs = [LogCreate.model_validate({**about, "message": line, "timestamp": when}) for when, line in self._lines]
         with get_client(sync_client=True) as client:
             client.create_logs(logs)
 
@@ -90,7 +88,7 @@ def described(found: SynthesisResult) -> str:
     return "\n".join([head, "", "```", pretty(found.solution.program).rstrip(), "```"])
 
 
-def refinements(found: SynthesisResult) -> Sequence[dict[str, str]]:
+def refinements(found: SynthesisResult) -> list[dict[str, Any]]:
     """List the refinements as rows of a table."""
     return [
         {"goal": each.psi, "subgoal": each.node.name, "predicate": text(each.node.predicate)}
