@@ -16,7 +16,7 @@ from roboscribe.evaluation import format_success
 from roboscribe.io.tracked import THEIRS
 from roboscribe.pipelines.console import SynthesisConsole
 from roboscribe.pipelines.synthesis_pipeline import SynthesisResult
-from roboscribe.stages.runtime.events import Event
+from roboscribe.stages.runtime.events import Event, EventCallback
 
 INFO = 20
 """Level of a line, as in `logging`."""
@@ -28,16 +28,22 @@ USUAL = "http://127.0.0.1:5000"
 
 
 class FlowLog:
-    """Collects what the console tells, line by line."""
+    """Collects what the console tells, line by line.
 
-    def __init__(self) -> None:
+    Args:
+        tell: hears every event first.
+    """
+
+    def __init__(self, tell: EventCallback) -> None:
         """Begin with nothing."""
+        self._tell = tell
         self._said = StringIO()
         self._console = SynthesisConsole(Console(file=self._said, width=WIDTH))
         self._lines: list[tuple[datetime, str]] = []
 
     def on_event(self, event: Event) -> None:
-        """Tell an event."""
+        """Pass an event on, and tell it."""
+        self._tell(event)
         self._console.on_event(event)
         now = datetime.now(UTC)
         self._lines += [(now, line) for line in self._said.getvalue().splitlines() if line.strip()]

@@ -14,7 +14,7 @@ from roboscribe.pipelines.flows.prefect_records import recording_to, wait_for_re
 from roboscribe.pipelines.flows.prefect_server import PrefectServer
 from roboscribe.pipelines.flows.stage_tasks import StageTasks
 from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, run_pipeline
-from roboscribe.stages.runtime.events import Event, EventCallback
+from roboscribe.stages.runtime.events import EventCallback
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.steps import RunStage, StoreValue
 
@@ -45,15 +45,11 @@ def synthesize_with_prefect(
     from prefect import flow
     from prefect.runtime import flow_run
 
-    tasks, log = StageTasks(call), FlowLog()
-
-    def on_event(event: Event) -> None:
-        tell(event)
-        log.on_event(event)
+    tasks, log = StageTasks(call), FlowLog(tell)
 
     @flow(name="synthesis", flow_run_name=title, retries=0, persist_result=False)
     def synthesis(task_name: str, seed: Annotated[int, Field(ge=0)]) -> SynthesisResult | Fail:
-        found, run = run_pipeline(plan, tasks.run, put, on_event), UUID(flow_run.get_id())
+        found, run = run_pipeline(plan, tasks.run, put, log.on_event), UUID(flow_run.get_id())
         log.send(run)
         publish(title, found, mlflow_run())
         wait_for_records(run, tasks.count)
