@@ -27,7 +27,7 @@ from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.tracking.description import begun, failed, solved
 from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter
-from roboscribe.stages.tracking.mlflow_store import NOTE_TAG
+from roboscribe.stages.tracking.mlflow_store import NOTE_TAG, run_id_of
 from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import SECONDS, Tracker
 from roboscribe.tree_json import tree_to_json
@@ -142,7 +142,9 @@ class SynthesisRun:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
             demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
-            return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
+            return synthesize_with_prefect(
+                self._title(), self.plan, call, store.put, tell, server, lambda: run_id_of(tracker.directory)
+            )
 
     def _result(self, found: SynthesisResult, env_steps: int, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -11,8 +13,9 @@ from tests.pipelines.runs import Command
 
 
 @pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
-    """Run a command in an empty home without tracking; returns its exit code."""
+def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Command]:
+    """Run a command in an empty home without tracking; returns its exit code. Signals are handled as before then."""
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.setenv("ROBOSCRIBE_HOME", str(tmp_path / "home"))
     monkeypatch.setattr("roboscribe.stages.tracking.tracker.Tracker.start", lambda tracker: None)
 
@@ -22,4 +25,6 @@ def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
             cli.main()
         return int(ended.value.code or 0)
 
-    return call
+    yield call
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
