@@ -7,7 +7,6 @@ import os
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from enum import StrEnum
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,13 +16,12 @@ from rich.text import Text
 
 from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import RoboScribeError
-from roboscribe.pipelines.commands import baseline, data, inspection
+from roboscribe.pipelines.commands import baseline, data, inspection, synthesis
 from roboscribe.pipelines.commands import disturb as disturb_command
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile
 from roboscribe.pipelines.commands.output import FAIL, console, make_room, refuse, say, write_result
 from roboscribe.pipelines.interrupts import INTERRUPTED, Interrupts
 from roboscribe.pipelines.paper.commands import paper
-from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
     from roboscribe.stages.runtime.progress import ProgressCallback
@@ -34,21 +32,35 @@ RESUMED = ("synthesize", "baseline", "paper")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """One thread each: small matrices gain nothing from more, and results stay the same."""
 
+EXAMPLES = """Examples:
+\b
+roboscribe evaluate tower-5                   measure a shipped program
+roboscribe render tower-5 --failing           film an episode that it fails
+roboscribe synthesize pick-place-1 --out DIR  learn a program
+roboscribe show RUN                           tell how a run went
+roboscribe ui                                 look at all runs in MLflow
+"""
 app = typer.Typer(
-    help="From demonstrations to readable robot programs.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 app.add_typer(data.demonstrations, name="demos")
 app.add_typer(paper, name="paper")
 
 
-class Engine(StrEnum):
-    """What runs the stages."""
+def _version(asked: bool) -> None:
+    """Say which version this is.
 
-    prefect = "prefect"
-    local = "local"
+    Raises:
+        Exit: it was asked for.
+    """
+    if asked:
+        from importlib.metadata import version
+
+        from roboscribe.pipelines.source_commit import checkout_commit
+
+        say(" ".join(filter(None, ("roboscribe", version("roboscribe"), checkout_commit()[:12]))))
+        raise typer.Exit
 
 
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
@@ -60,6 +72,15 @@ ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM"
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
 Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
 Timing = Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")]
+
+
+@app.callback(epilog=EXAMPLES)
+def start(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="say which version this is, and end")
+    ] = False,
+) -> None:
+    """From demonstrations to readable robot programs."""
 
 
 @app.command()
@@ -100,55 +121,6 @@ def demos(
     with _bar() as report:
         digest = collect(config, out, report)
     say(f"{episodes} demonstrations of {task} in {out}, SHA-256 {digest}")
-
-
-@app.command()
-def synthesize(
-    task: TaskName,
-    demos: Annotated[Path | None, typer.Option(help="demonstrations in Parquet; left out: collect 50")] = None,
-    seed: Seed = 0,
-    profile: Annotated[Profile | None, typer.Option(help="what may be learned from; left out: all there is")] = None,
-    engine: Annotated[Engine, typer.Option(help="what runs the stages")] = Engine.prefect,
-    out: Annotated[Path | None, typer.Option("--out", help="directory for the program")] = None,
-    json: JsonFile = None,
-    episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
-    budget: Annotated[int | None, typer.Option(min=1, help="control steps per training of a skill")] = None,
-    success: Annotated[float, typer.Option(min=0.0, max=1.0, help="success rate that is good enough")] = 0.97,
-    contact: Contact = "stable",
-    timing: Timing = "fast",
-    home: HomeDir = Path(),
-) -> None:
-    """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
-    from roboscribe.errors import Fail
-    from roboscribe.evaluation import format_success
-    from roboscribe.pipelines.console import SynthesisConsole
-    from roboscribe.pipelines.synthesis_run import SynthesisRun
-    from roboscribe.pipelines.workspace import Workspace
-    from roboscribe.rl.config import TrainConfig
-    from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
-    from roboscribe.stages.runtime.task_config import TaskConfig
-    from roboscribe.steps import Limits
-
-    settings = TrainConfig() if budget is None else TrainConfig(budget=budget)
-    where = TaskConfig(task, contact, timing)
-    where.make()
-    limits = Limits(success=success)
-    plan = SynthesisPlan(
-        where, seed, profile, demonstrations=demos, evaluation_episodes=episodes, training=settings, limits=limits
-    )
-    make_room(out, json)
-    with SynthesisConsole(console) as story:
-        session = SynthesisRun(plan, Workspace(home), "local" if engine is Engine.local else "prefect", out)
-        result = session.run(story.callbacks())
-    if isinstance(result, Fail):
-        raise typer.Exit(FAIL)
-    say(f"success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
-    if float(str(result["ci_high"])) < success:
-        say(f"this is the best program found, below the {success:.0%} asked for")
-    say(f"{result['refinements']} refinements, {result['env_steps']} control steps, {result['wall_seconds']} s")
-    say(f"program {result['program_dir']}")
-    say(f"MLflow run {result['mlflow_run_id'] or 'not there yet; `roboscribe ui` brings it up to date'}")
-    write_result(json, result)
 
 
 @app.command()
@@ -288,13 +260,14 @@ def ui(
     mlflow_server.serve(Workspace(home), port)
 
 
-for commands in (baseline, disturb_command, inspection, data):
+for commands in (synthesis, baseline, disturb_command, inspection, data):
     app.registered_commands += commands.app.registered_commands
 
 
 def main() -> None:
     """Run a command; bad input ends in one line and exit code 2, an interrupt in exit code 130."""
     logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    console.quiet = console.stderr = False
     for name in THREADS:
         os.environ.setdefault(name, "1")
     os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
@@ -306,7 +279,7 @@ def main() -> None:
     try:
         code = app(standalone_mode=False)
     except typer.exceptions.TyperException as error:
-        code = refuse(error.format_message() if isinstance(error, typer.BadParameter) else str(error))
+        code = refuse(error.format_message())
     except (RoboScribeError, OSError) as error:
         code = refuse(str(error))
     if code == INTERRUPTED:

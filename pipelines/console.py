@@ -85,6 +85,7 @@ class SynthesisConsole(ProgressBar):
                 assert_never(event)
 
     def _ingested(self, report: Mapping[str, Any], profile: str) -> None:
+        self._refinements = 0  # several syntheses may be told one after the other
         actions = "with actions" if report["actions"] else "states only"
         kept = f"{report['kept']} of {report['episodes']} demonstrations, {report['frames']} frames, {actions}"
         self.say(f"{kept}; profile {profile}")

@@ -13,9 +13,22 @@ from roboscribe.grounding import settled_profile
 from roboscribe.stages import collect, evaluate, film, ingest, package
 from roboscribe.stages.runtime.events import Evaluated, EventCallback, Failed, Filmed, Ingested, Packaged
 from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_fail, read_json
+from roboscribe.stages.runtime.plan_file import assignments
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig
 from roboscribe.stages.steps import ControllerFiles, RunStage, StagedSteps, StoreValue
+
+SPELLED = (
+    "task.name",
+    "task.contact",
+    "task.timing",
+    "seed",
+    "profile",
+    "evaluation_episodes",
+    "training.budget",
+    "limits.success",
+)
+"""Fields of a plan that have options of their own."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +87,14 @@ def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: Eve
 
 
 def command(plan: SynthesisPlan, profile: str | None) -> str:
-    """Spell the command line that makes a plan's program, as far as options can say what is planned.
+    """Spell the command line that makes a plan's program.
 
     Args:
         plan: what is asked for.
         profile: what is learned from; None leaves the choice to the command.
     """
     task, usual = plan.task, SynthesisPlan(TaskConfig(plan.task.name))
-    options = (
+    options = (  # each of `SPELLED`
         ("--profile", profile, None),
         ("--demos", plan.demonstrations, usual.demonstrations),
         ("--episodes", plan.evaluation_episodes, usual.evaluation_episodes),
@@ -93,6 +106,9 @@ def command(plan: SynthesisPlan, profile: str | None) -> str:
     words = ["roboscribe", "synthesize", task.name, "--seed", str(plan.seed)]
     for option, value, default in options:
         words += [option, str(value)] if value != default else []
+    settled = replace(usual, training=usual.training.for_profile(plan.training.profile))
+    for assignment in assignments(plan, settled, (*SPELLED, "training.profile")):
+        words += ["--set", assignment]
     return shlex.join(words)
 
 

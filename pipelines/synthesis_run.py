@@ -10,7 +10,7 @@ from time import perf_counter
 from typing import Literal, TypeAlias
 
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
-from roboscribe.io.atomic import Json, canonical_json, sha256_of
+from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_file
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
@@ -21,12 +21,13 @@ from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
 from roboscribe.stages.runtime.configuration import encode, flattened
 from roboscribe.stages.runtime.events import Event, EventCallback
+from roboscribe.stages.runtime.plan_file import CONFIG, to_toml
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import AnyStage, Inputs, Store, locked
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.tracking.description import begun, failed, solved
 from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter
-from roboscribe.stages.tracking.mlflow_store import NOTE_TAG
+from roboscribe.stages.tracking.mlflow_store import NOTE_TAG, run_id_of
 from roboscribe.stages.tracking.source import source_tags
 from roboscribe.stages.tracking.tracker import SECONDS, Tracker
 from roboscribe.tree_json import tree_to_json
@@ -74,6 +75,8 @@ class SynthesisRun:
             spelled = command(self.plan, self.plan.profile)
             tracker.settings(self._settings())
             tracker.tags({**source_tags(spelled, commit), NOTE_TAG: begun(spelled)})
+            write_file(directory / CONFIG, to_toml(self.plan).encode())
+            tracker.attach(directory / CONFIG)
             event_log = EventLogWriter(directory / CHRONICLE, self._about(commit))
             try:
                 found = self._synthesize(callbacks, (tracker.on_event, event_log.on_event), tracker)
@@ -139,7 +142,9 @@ class SynthesisRun:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
             demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
-            return synthesize_with_prefect(self._title(), self.plan, call, store.put, tell, server)
+            return synthesize_with_prefect(
+                self._title(), self.plan, call, store.put, tell, server, lambda: run_id_of(tracker.directory)
+            )
 
     def _result(self, found: SynthesisResult, env_steps: int, commit: str) -> dict[str, Json]:
         """Publish the program and say what was found."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 
 class RoboScribeError(Exception):
@@ -30,3 +32,9 @@ class Fail:
     """Synthesis ended without a program: an expected outcome, therefore a value (exit code 3)."""
 
     reason: str
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a hint for a name that is not known, "did you mean tower-5? " for instance; empty where none is near."""
+    near = get_close_matches(name, list(known), n=1)
+    return f"did you mean {near[0]}? " if near else ""

@@ -28,7 +28,7 @@ Watch: TypeAlias = Callable[[int, int], None]
 
 
 def ignore_counts(done: int, successes: int) -> None:
-    """Tell nobody."""
+    """Ignore the counts."""
 
 
 def episode_seeds(seed: int, purpose: str, episodes: int) -> IntArray:

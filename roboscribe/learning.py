@@ -79,7 +79,7 @@ def synthesize(
     evidence = Evidence.of(screened.kept, where.solved)
     learning = Learning(where, evidence, seed, settings, rollout_episodes, tell)
     name = task if isinstance(task, str) else task.name
-    found = roboscribe(learning.steps(program_name(name)), Trained(), limits or Limits())
+    found = roboscribe(learning.steps(program_name(name)), TrainedControllers(), limits or Limits())
     if isinstance(found, Fail):
         return found
     runnable = Runnable(found.program, found.skills.library, found.skills.limits, settings.confirm)
@@ -99,7 +99,7 @@ def synthesize(
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainedControllers:
     """Controllers as they pass through Algorithm 2.
 
     Args:
@@ -133,12 +133,12 @@ class Learning:
     rollout_episodes: int
     tell: Callable[[str], None]
 
-    def steps(self, name: str) -> Steps[Trained]:
+    def steps(self, name: str) -> Steps[TrainedControllers]:
         """Return all pieces of Algorithm 2 for a program of some name."""
         pure = pure_steps(self.evidence, self.train, self.roll_out, name)
-        return replace(pure, check=self.check, tell=lambda decision: self.tell(told(decision)))
+        return replace(pure, check=self.check, tell=lambda decision: self.tell(decision_line(decision)))
 
-    def train(self, program: Program, goal: str, tree: Tree, trained: Trained) -> Trained:
+    def train(self, program: Program, goal: str, tree: Tree, trained: TrainedControllers) -> TrainedControllers:
         """TRAINPROGRAM."""
         now = grounds(tree, program)
         known = {name: each for name, each in trained.library.items() if name not in stale(now, trained.grounds)}
@@ -146,19 +146,19 @@ class Learning:
         library, reports = ground(self.task, program, tree, shown, known, self.training, self.seed, solve=solve)
         for report in reports:
             self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")
-        return Trained(library, step_limits(program, shown, self.task), {**trained.grounds, **now})
+        return TrainedControllers(library, step_limits(program, shown, self.task), {**trained.grounds, **now})
 
-    def roll_out(self, program: Program, goal: str, trained: Trained) -> Outcome:
+    def roll_out(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P)."""
         outcome = self._outcome(program, goal, trained, self.rollout_episodes)
         self.tell(f"{goal} is reached in {outcome.successes} of {outcome.episodes} episodes")
         return outcome
 
-    def check(self, program: Program, goal: str, trained: Trained) -> Outcome:
+    def check(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P) for a few episodes."""
         return self._outcome(program, goal, trained, min(CHECKED, self.rollout_episodes))
 
-    def _outcome(self, program: Program, goal: str, trained: Trained, episodes: int) -> Outcome:
+    def _outcome(self, program: Program, goal: str, trained: TrainedControllers, episodes: int) -> Outcome:
         seeds = episode_seeds(self.seed, f"roll out {goal}", episodes)
         runnable = Runnable(program, trained.library, trained.limits, self.training.confirm)
         found = [Outcome.of(rollouts) for rollouts in waves(runnable, self.task, seeds, goal)]
@@ -166,7 +166,7 @@ class Learning:
         return Outcome(sum(each.successes for each in found), episodes, failures)
 
 
-def told(decision: Decision) -> str:
+def decision_line(decision: Decision) -> str:
     """Say in one line what Algorithm 1 decided."""
     match decision:
         case Refined(refinement, _, count, shown):

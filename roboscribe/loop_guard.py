@@ -226,7 +226,7 @@ def _label(
 LEARNED_COST = 1
 COMPARISON_COST = 2
 RELATION_COST = 3
-"""Costs of a learned predicate, of a comparison of two numbers of objects, and of two distances to the robot."""
+"""Costs of a learned predicate, of a comparison of two numbers of objects, and of two distances."""
 
 
 def guard_atoms(
@@ -239,7 +239,7 @@ def guard_atoms(
         evidence: demonstrations, for layout and types.
         entity: v, the name that stands for the entity that an example is about.
         learned: predicates about it alone.
-        moving: whether distances to the robot are compared, too, which only matter where a choice is made.
+        moving: whether distances to the robot and to goals are compared, too, which only matter where a choice is made.
 
     Returns:
         Atoms about v, and, for every entity v' of its type, about v' and about both.
@@ -279,16 +279,28 @@ def _comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predica
 
 
 def _relations(evidence: Evidence, entity: str, other: str) -> Iterator[Predicate]:
-    """One entity, or its goal, is nearer to the robot than the other."""
+    """One entity, or its goal, is nearer to the robot than the other, or nearer to its goal."""
+    for ends in _distances(evidence, entity, other):
+        near, far = (Norm(Diff(Proj(one, field), Proj(end, field))) for one, end, field in ends)
+        yield from (Less(near, far), Less(far, near))
+
+
+def _distances(evidence: Evidence, entity: str, other: str) -> Iterator[tuple[tuple[Object, Object, str], ...]]:
+    """List what is compared: of each of two entities two objects, and in which attribute they are apart."""
     layout = evidence.layout
     kind = layout.types[evidence.types[entity]]
+    for attribute in (a for a in kind.goal if a.is_place and any(a.name == b.name for b in kind.attributes)):
+        yield tuple((Var(n), Goal(Var(n)), _field(attribute)) for n in (entity, other))
     for attribute in layout.robot.attributes:
-        field = "".join(attribute.components) if all(len(c) == 1 for c in attribute.components) else attribute.name
         for goal in (False, True):
             if attribute.is_place and any(a.name == attribute.name for a in kind.described(goal)):
                 ends = [Goal(Var(n)) if goal else Var(n) for n in (entity, other)]
-                near, far = (Norm(Diff(Proj(Robot(), field), Proj(end, field))) for end in ends)
-                yield from (Less(near, far), Less(far, near))
+                yield tuple((Robot(), end, _field(attribute)) for end in ends)
+
+
+def _field(attribute: Attribute) -> str:
+    """Return how all components of an attribute are spelled."""
+    return "".join(attribute.components) if all(len(c) == 1 for c in attribute.components) else attribute.name
 
 
 def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:

@@ -13,7 +13,7 @@ from roboscribe.controllers import Library, to_parts
 from roboscribe.dsl.printer import program_text
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
-from roboscribe.errors import ArtifactError
+from roboscribe.errors import ArtifactError, did_you_mean
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import MANIFEST, SavedProgram, load_program
 from roboscribe.io.tracked import is_run_id, tracked_program, usual_mlruns
@@ -47,7 +47,7 @@ class Shipped:
 
 
 def shipped_programs() -> tuple[Shipped, ...]:
-    """Read what the shipped programs say about themselves.
+    """Read the manifests of the shipped programs.
 
     Raises:
         ArtifactError: the files of one are damaged.
@@ -76,13 +76,13 @@ def find_program(name: str | Path, *also: str) -> Path:
         return TRAINED / name
     shipped = f"a shipped program ({', '.join(shipped_names()) or 'there are none'})"
     expected = " or ".join((", ".join(("a program's directory", *also)), shipped))
-    msg = f"program {name}: does not exist; expected {expected}"
+    msg = f"program {name}: does not exist; {did_you_mean(str(name), shipped_names())}expected {expected}"
     raise ArtifactError(msg)
 
 
 @contextmanager
 def program_directory(name: str | Path, mlruns: Path | None = None) -> Iterator[Path]:
-    """Find a program: a directory, an MLflow run, whose program is copied for the time being, or a shipped program.
+    """Find a program: a directory, an MLflow run's program, copied to a temporary directory, or a shipped program.
 
     Args:
         name: a path, an MLflow run id, or the name of a shipped program; they are tried in this order.

@@ -10,8 +10,8 @@ from roboscribe.defaults import CONFIRM, EVALUATION_EPISODES
 from roboscribe.evaluation import measure
 from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
-from roboscribe.stages.runtime.controller_files import read_library
-from roboscribe.stages.runtime.files import EPISODES, OUTCOME, read_json, read_program, write_json
+from roboscribe.stages.runtime.controller_files import read_runnable
+from roboscribe.stages.runtime.files import EPISODES, OUTCOME, write_json
 from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -53,8 +53,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         controllers, weights, limits: its library, as the training stage wrote it.
     """
     task = config.task.make()
-    library = read_library(inputs["controllers"], inputs["weights"], task)
-    program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    program = read_runnable(inputs, task, config.confirm)
     record(program, task, config.seed, config.evaluation_episodes, out, report)
 
 

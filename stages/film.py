@@ -18,8 +18,7 @@ from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid
 from roboscribe.evaluation import PURPOSE, episode_seeds
 from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
-from roboscribe.stages.runtime.controller_files import read_library
-from roboscribe.stages.runtime.files import read_json, read_program
+from roboscribe.stages.runtime.controller_files import read_runnable
 from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -132,8 +131,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         controllers, weights, limits: its library, as the training stage wrote it.
     """
     task = config.task.make()
-    library = read_library(inputs["controllers"], inputs["weights"], task)
-    program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    program = read_runnable(inputs, task, config.confirm)
     shown = record_episodes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
     film(program, task, shown, out / VIDEO)
 

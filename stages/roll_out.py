@@ -12,10 +12,9 @@ from roboscribe.abstraction_refinement import Outcome
 from roboscribe.defaults import CONFIRM, ROLLOUT_EPISODES
 from roboscribe.evaluation import Endings, episode_seeds, episode_table, summary, waves
 from roboscribe.io.atomic import write_file
-from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
-from roboscribe.stages.runtime.controller_files import read_library
-from roboscribe.stages.runtime.files import EPISODES, FAILURES, OUTCOME, read_json, read_program, write_json
+from roboscribe.stages.runtime.controller_files import read_runnable
+from roboscribe.stages.runtime.files import EPISODES, FAILURES, OUTCOME, write_json
 from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
 from roboscribe.stages.runtime.serialization import failures_bytes
 from roboscribe.stages.runtime.store import Inputs, Stage
@@ -50,8 +49,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         controllers, weights, limits: its library, as the training stage wrote it.
     """
     task = config.task.make()
-    library = read_library(inputs["controllers"], inputs["weights"], task)
-    program = Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), config.confirm)
+    program = read_runnable(inputs, task, config.confirm)
     seeds = episode_seeds(config.seed, f"roll out {config.goal}", config.rollout_episodes)
     done = list(
         waves(program, task, seeds, config.goal, episode_progress(f"roll out {config.goal}", len(seeds), report))

@@ -48,8 +48,8 @@ def baseline(
     plan = BaselinePlan(method_named(method), where, seed, steps, demos, evaluation_episodes=episodes)
     make_room(out, json)
     with ProgressBar(console) as bar:
-        session = BaselineRun(plan, Workspace(home), engine_named(engine), out)
-        result = session.run(Callbacks(bar.on_stage, lambda event: None, bar.on_progress))
+        run = BaselineRun(plan, Workspace(home), engine_named(engine), out)
+        result = run.run(Callbacks(bar.on_stage, lambda event: None, bar.on_progress))
     if isinstance(result, Fail):
         say(f"FAIL: {result.reason}")
         raise typer.Exit(FAIL)

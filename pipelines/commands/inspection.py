@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from roboscribe.pipelines.commands.options import RUN_HELP, HomeDir, JsonFile
-from roboscribe.pipelines.commands.output import console, say
+from roboscribe.pipelines.commands.output import console, say, write_result
 
 app = typer.Typer()
 RunName = Annotated[str, typer.Argument(help=RUN_HELP, metavar="RUN")]
@@ -22,13 +22,13 @@ RunNames = Annotated[list[str], typer.Argument(help=f"{RUN_HELP}; several are sh
 def runs(json: JsonFile = None, home: HomeDir = Path()) -> None:
     """List the syntheses of this home, the latest first; other commands take any unique beginning of a run's name."""
     from roboscribe.pipelines.runs.lookup import list_runs
-    from roboscribe.pipelines.runs.table import columns, summary, write_summaries
+    from roboscribe.pipelines.runs.table import columns, summary
     from roboscribe.pipelines.workspace import Workspace
 
     found = [summary(run) for run in list_runs(Workspace(home))]
     for line in columns(found) if found else [f"no runs in {Workspace(home).data}"]:
         say(line)
-    write_summaries(json, found)
+    write_result(json, [dict(row) for row in found])
 
 
 @app.command()
@@ -45,9 +45,9 @@ def show(run: RunName, home: HomeDir = Path()) -> None:
             console.print(Text("how this program was found is not known here; the program as it is:\n"))
             console.print(Text(found.program.program_text if found.program is not None else "", style="bold"))
         else:
-            with SynthesisConsole(console) as chapters:
-                for told in found.account.entries:
-                    chapters.on_event(told.event)
+            with SynthesisConsole(console) as output:
+                for entry in found.account.entries:
+                    output.on_event(entry.event)
         table = Table(box=None, padding=(0, 2, 0, 0), show_header=False)
         for name, value in figures(found, read_chapters(found.account)).items():
             table.add_row(Text(name), Text(value, overflow="fold"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,8 @@ if TYPE_CHECKING:
 
 SOLVED, BAD_INPUT, FAIL = 0, 2, 3
 """Exit codes: done; the input is bad; no program, or nothing can be learned."""
+STANDARD_OUTPUT = Path("-")
+"""Stands for standard output where a file for a result is asked for."""
 console = Console(highlight=False)
 
 
@@ -56,13 +57,16 @@ def make_room(*files: Path | None) -> None:
         ArtifactError: one cannot be made.
     """
     for file in files:
-        if file is not None:
+        if file not in (None, STANDARD_OUTPUT):
+            assert file is not None
             make_directory(file.resolve().parent, file)
 
 
-def write_result(path: Path | None, result: Mapping[str, Json]) -> None:
+def write_result(path: Path | None, result: Json) -> None:
     """Write a result as JSON where that is asked for."""
     from roboscribe.io.atomic import indented_json, write_file
 
-    if path is not None:
+    if path == STANDARD_OUTPUT:
+        sys.stdout.write(indented_json(result))
+    elif path is not None:
         write_file(path, indented_json(result).encode())

@@ -82,8 +82,9 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
     Args:
         home: where Prefect keeps its database.
     """
-    theirs = _chosen()
+    named = any(name in os.environ for name in CHOSEN)  # before our own settings name a home
     configure_prefect(home)
+    theirs = _chosen() if named else None
     server = _start(home) if theirs is None else PrefectServer(theirs)
     try:
         yield server
@@ -92,9 +93,7 @@ def prefect_server(home: Path) -> Iterator[PrefectServer]:
 
 
 def _chosen() -> str | None:
-    """Return the address of the server that the user named, None where there is none."""
-    if not any(name in os.environ for name in CHOSEN):
-        return None
+    """Return the address of the server that the user's settings name, None where there is none."""
     from prefect.settings import PREFECT_API_URL
 
     url: str | None = PREFECT_API_URL.value()

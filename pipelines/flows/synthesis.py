@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from typing import Annotated
 from uuid import UUID
 
+from pydantic import Field
+
 from roboscribe.errors import Fail
-from roboscribe.io.atomic import Json
+from roboscribe.pipelines.flows.prefect_pages import FlowLog, publish
 from roboscribe.pipelines.flows.prefect_records import recording_to, wait_for_records
 from roboscribe.pipelines.flows.prefect_server import PrefectServer
+from roboscribe.pipelines.flows.stage_tasks import StageTasks
 from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, run_pipeline
-from roboscribe.stages.runtime.configuration import encode
-from roboscribe.stages.runtime.events import EventCallback
-from roboscribe.stages.runtime.store import AnyStage, Inputs
+from roboscribe.stages.runtime.events import Event, EventCallback
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.steps import RunStage, StoreValue
 
 
 def synthesize_with_prefect(
-    title: str, plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: EventCallback, server: PrefectServer
+    title: str,
+    plan: SynthesisPlan,
+    call: RunStage,
+    put: StoreValue,
+    tell: EventCallback,
+    server: PrefectServer,
+    mlflow_run: Callable[[], str | None],
 ) -> SynthesisResult | Fail:
     """Run `run_pipeline` as a flow whose stages are named task runs; results do not pass through Prefect.
 
@@ -31,28 +37,26 @@ def synthesize_with_prefect(
         put: stores a small value.
         tell: hears what happens.
         server: hears of the flow.
+        mlflow_run: returns the id of the run in MLflow, for a link; None where it has none yet.
 
     Raises:
         KeyboardInterrupt: the process was asked to end while the flow was running.
     """
-    from prefect import flow, task
-    from prefect.cache_policies import NO_CACHE
+    from prefect import flow
     from prefect.runtime import flow_run
 
-    called: list[tuple[AnyStage, Any, Inputs]] = []
+    tasks, log = StageTasks(call), FlowLog()
 
-    @task(name="stage", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
-    def run_stage(label: str, stage: str, config: Json, inputs: Mapping[str, str]) -> str:
-        return str(call(label, *called[-1]))
-
-    def named(label: str, stage: AnyStage, config: object, inputs: Inputs) -> Path:
-        called.append((stage, config, inputs))
-        return Path(run_stage(label, stage.name, encode(config), {name: str(path) for name, path in inputs.items()}))
+    def on_event(event: Event) -> None:
+        tell(event)
+        log.on_event(event)
 
     @flow(name="synthesis", flow_run_name=title, retries=0, persist_result=False)
-    def synthesis(task_name: str, seed: int) -> SynthesisResult | Fail:
-        found = run_pipeline(plan, named, put, tell)
-        wait_for_records(UUID(flow_run.get_id()), len(called))
+    def synthesis(task_name: str, seed: Annotated[int, Field(ge=0)]) -> SynthesisResult | Fail:
+        found, run = run_pipeline(plan, tasks.run, put, on_event), UUID(flow_run.get_id())
+        log.send(run)
+        publish(title, found, mlflow_run())
+        wait_for_records(run, tasks.count)
         return found
 
     with recording_to(server):

@@ -19,7 +19,7 @@ from roboscribe.pipelines.workspace import Workspace
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages import baseline, collect, evaluate, transfer
 from roboscribe.stages.package import DIRECTORY
-from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, Point, Record, Trial, write_record
+from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, EvaluationPoint, Record, Trial, write_record
 from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
 from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
@@ -63,7 +63,7 @@ class Cell(Protocol):
 
 
 @dataclass(frozen=True)
-class Transfer:
+class TransferCell:
     """A saved program or baseline, measured.
 
     Args:
@@ -87,7 +87,7 @@ class Transfer:
 
 
 @dataclass(frozen=True)
-class Synthesis:
+class SynthesisCell:
     """A program, synthesized, and every program on the way to it that was trained for the task itself.
 
     Args:
@@ -103,8 +103,8 @@ class Synthesis:
     def run(self, context: CellContext, callbacks: Callbacks) -> Path:
         """Synthesize, then measure what was trained on the way; leaves `cell.json` and, if found, `program/`."""
         plan = planned(self.trial, demonstrations(self.trial, context, callbacks))
-        session = SynthesisRun(plan, context.workspace, "local", track=context.track)
-        identity = CellConfig(session.key(), self.trial.rollout_episodes, _own_code())
+        run = SynthesisRun(plan, context.workspace, "local", track=context.track)
+        identity = CellConfig(run.key(), self.trial.rollout_episodes, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
             _synthesize(plan, config.checked, context, callbacks, out)
@@ -128,7 +128,7 @@ class CellConfig:
 
 
 @dataclass(frozen=True)
-class Training:
+class BaselineCell:
     """A baseline, trained and measured.
 
     Args:
@@ -154,8 +154,8 @@ class Training:
             trial.n_demonstrations,
             trial.evaluation_episodes,
         )
-        session = BaselineRun(plan, context.workspace, "local", track=context.track)
-        identity = CellConfig(session.key(), CHECKED, _own_code())
+        run = BaselineRun(plan, context.workspace, "local", track=context.track)
+        identity = CellConfig(run.key(), CHECKED, _own_code())
 
         def work(config: CellConfig, inputs: Inputs, out: Path, report: object) -> None:
             _train(plan, context, callbacks, out)
@@ -165,7 +165,7 @@ class Training:
 
 def cell_of(trial: Trial) -> Cell:
     """Return the cell of a trial."""
-    return Synthesis(trial) if trial.method == OURS else Training(trial)
+    return SynthesisCell(trial) if trial.method == OURS else BaselineCell(trial)
 
 
 def planned(trial: Trial, given: Path | None = None) -> SynthesisPlan:
@@ -249,46 +249,46 @@ class SynthesisObserver:
 
 def _synthesize(plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a cell."""
-    commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = SynthesisRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
-    points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in witness.programs)
+    commit, observer = checkout_commit(), SynthesisObserver(callbacks)
+    run = SynthesisRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = run.run(Callbacks(callbacks.on_stage, observer.on_event, callbacks.on_progress))
+    points = tuple(_measured(plan, checked, context, callbacks, kept) for kept in observer.programs)
     if isinstance(result, Fail):
-        last = Point(witness.counter.env_steps, 0, plan.evaluation_episodes, witness.took, final=True)
-        record = Record((*points, last), witness.profile, witness.digest, commit, None, NO_PROGRAM, result.reason)
+        last = EvaluationPoint(observer.counter.env_steps, 0, plan.evaluation_episodes, observer.took, final=True)
+        record = Record((*points, last), observer.profile, observer.digest, commit, None, NO_PROGRAM, result.reason)
     else:
-        last = Point(
-            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+        last = EvaluationPoint(
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, observer.took, final=True
         )
         refinements = int(str(result["refinements"]))
-        record = Record((*points, last), witness.profile, witness.digest, commit, refinements)
+        record = Record((*points, last), observer.profile, observer.digest, commit, refinements)
     write_record(out, record)
 
 
 def _train(plan: BaselinePlan, context: CellContext, callbacks: Callbacks, out: Path) -> None:
     """Do the work of a baseline's cell."""
-    commit, witness = checkout_commit(), SynthesisObserver(callbacks)
-    session = BaselineRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
-    result = session.run(Callbacks(callbacks.on_stage, witness.on_event, callbacks.on_progress))
+    commit, observer = checkout_commit(), SynthesisObserver(callbacks)
+    run = BaselineRun(plan, context.workspace, "local", out / DIRECTORY, context.track)
+    result = run.run(Callbacks(callbacks.on_stage, observer.on_event, callbacks.on_progress))
     profile = RECIPES[plan.method].profile
     if isinstance(result, Fail):
-        last = Point(0, 0, plan.evaluation_episodes, witness.took, final=True)
-        record = Record((last,), profile, witness.digest, commit, ended=NO_PROGRAM, reason=result.reason)
+        last = EvaluationPoint(0, 0, plan.evaluation_episodes, observer.took, final=True)
+        record = Record((last,), profile, observer.digest, commit, ended=NO_PROGRAM, reason=result.reason)
     else:
-        last = Point(
-            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, witness.took, final=True
+        last = EvaluationPoint(
+            int(str(result["env_steps"])), _successes(result), plan.evaluation_episodes, observer.took, final=True
         )
         ended = GIVEN_UP if result["hopeless"] else ""
-        record = Record((*_on_the_way(result["curve"]), last), profile, witness.digest, commit, ended=ended)
+        record = Record((*_on_the_way(result["curve"]), last), profile, observer.digest, commit, ended=ended)
     write_record(out, record)
 
 
-def _on_the_way(curve: Json) -> tuple[Point, ...]:
+def _on_the_way(curve: Json) -> tuple[EvaluationPoint, ...]:
     """Read the evaluations during a training; a journal says when they were, not how long it had taken."""
     assert isinstance(curve, list), "a list of figures by step"
     measured = [point for point in curve if isinstance(point, Mapping) and "success" in point]
     return tuple(
-        Point(int(str(point["step"])), round(float(str(point["success"])) * CHECKED), CHECKED, None)
+        EvaluationPoint(int(str(point["step"])), round(float(str(point["success"])) * CHECKED), CHECKED, None)
         for point in measured
     )
 
@@ -299,7 +299,7 @@ def _successes(result: Mapping[str, Json]) -> int:
 
 def _measured(
     plan: SynthesisPlan, checked: int, context: CellContext, callbacks: Callbacks, kept: tuple[int, float, bytes, Path]
-) -> Point:
+) -> EvaluationPoint:
     """Measure a program that was trained on the way, on the first of the episodes of the final evaluation."""
     steps, seconds, text, trained = kept
     store = context.store
@@ -312,7 +312,7 @@ def _measured(
     callbacks.on_stage(f"evaluate what was trained after {steps} control steps")
     config = evaluate.Config(plan.task, plan.seed, checked, plan.training.confirm)
     figures = read_json(store.run(evaluate.STAGE, config, inputs, callbacks.on_progress) / OUTCOME)
-    return Point(steps, int(figures["successes"]), int(figures["episodes"]), seconds)
+    return EvaluationPoint(steps, int(figures["successes"]), int(figures["episodes"]), seconds)
 
 
 def _own_code() -> str:

@@ -17,7 +17,7 @@ from roboscribe.pipelines import adaptation
 from roboscribe.pipelines.adaptation import adapt_saved, loop_lines, save
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.paper.cell_runner import run_cells
-from roboscribe.pipelines.paper.cells import CellContext, Transfer
+from roboscribe.pipelines.paper.cells import CellContext, TransferCell
 from roboscribe.pipelines.paper.experiment import (
     ExperimentContext,
     ExperimentResult,
@@ -175,7 +175,7 @@ class AdaptationConfig:
 
 
 @dataclass(frozen=True)
-class Adaptation:
+class AdaptationCell:
     """A program whose guard is learned again; it takes seconds and no control step.
 
     Args:
@@ -213,7 +213,7 @@ def _variants(
 ) -> tuple[list[GuardVariant], tuple[str, ...]]:
     """Adapt every program; returns what is measured, and which guards could not be learned."""
     programs = [each for each in given if each.method == OURS]
-    cells = [Adaptation(each, experiment.task) for each in programs]
+    cells = [AdaptationCell(each, experiment.task) for each in programs]
     outs = run_cells(f"{TITLE}, guards", cells, context.cell_context, context.runner, console)
     ways = [GuardVariant(each, OLD, each.directory) for each in programs]
     failures = []
@@ -237,7 +237,7 @@ def _measured(
     """Measure every program with either guard, every policy as it is."""
     where = TaskConfig(experiment.task)
     configs = [transfer.Config(where, way.given.seed, options.evaluation_episodes) for way in ways]
-    cells = [Transfer(f"{way} on {where.name}", way.directory, c) for way, c in zip(ways, configs, strict=True)]
+    cells = [TransferCell(f"{way} on {where.name}", way.directory, c) for way, c in zip(ways, configs, strict=True)]
     outs = run_cells(
         TITLE,
         cells,

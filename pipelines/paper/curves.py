@@ -9,12 +9,12 @@ from itertools import product
 from rich.console import Console
 
 from roboscribe.pipelines.paper.cell_runner import run_cells
-from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.cells import TransferCell
 from roboscribe.pipelines.paper.experiment import (
+    CellOutcome,
     ExperimentContext,
     ExperimentResult,
     Options,
-    Outcome,
     children_of,
     chosen_tasks,
     failures_of,
@@ -26,19 +26,24 @@ from roboscribe.pipelines.paper.methods import MOST_QUICK, budget_of, every_meth
 from roboscribe.stages import transfer
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper import curves, table1
-from roboscribe.stages.paper.rows import OURS, Point, Record, Row, Trial, rows_of
+from roboscribe.stages.paper.rows import OURS, EvaluationPoint, Record, Row, Trial, rows_of
 from roboscribe.stages.paper.values import REPORTED
 from roboscribe.stages.runtime.files import OUTCOME, read_json
 from roboscribe.stages.runtime.task_config import TaskConfig
 
 PROFILES = ("actions", "states")
 """Profiles that are drawn; `paper` takes half an hour per seed of one block and is drawn on demand."""
+PLANAR = "point-"
+"""How names of tasks in the plane begin."""
 
 
 def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) -> list[Trial]:
     """List what is run: of every task every method, programs under every profile, each seed."""
-    profiles = options.profiles or (PROFILES[:1] if options.quick else PROFILES)
-    pairs = [(method, profile) for method in methods for profile in (profiles if method == OURS else ("",))]
+    ways = [
+        (task, method, profile)
+        for task, method in product(tasks, methods)
+        for profile in (_profiles(task, options) if method == OURS else ("",))
+    ]
     return [
         Trial(
             TaskConfig(task),
@@ -49,8 +54,15 @@ def trials_of(options: Options, tasks: Sequence[str], methods: Sequence[str]) ->
             evaluation_episodes=options.evaluation_episodes,
             quick=options.quick,
         )
-        for task, (method, profile), seed in product(tasks, pairs, range(options.seeds))
+        for (task, method, profile), seed in product(ways, range(options.seeds))
     ]
+
+
+def _profiles(task: str, options: Options) -> tuple[str, ...]:
+    """Return what programs are learned from; in a quick run a task in the plane takes the controllers it brings."""
+    if options.profiles or not options.quick:
+        return options.profiles or PROFILES
+    return ("scripted",) if task.startswith(PLANAR) else PROFILES[:1]
 
 
 def draw_curves(options: Options, context: ExperimentContext, console: Console) -> ExperimentResult:
@@ -74,19 +86,19 @@ def draw_curves(options: Options, context: ExperimentContext, console: Console) 
     )
 
 
-def _elsewhere(outcomes: Sequence[Outcome], context: ExperimentContext, console: Console) -> list[Row]:
+def _elsewhere(outcomes: Sequence[CellOutcome], context: ExperimentContext, console: Console) -> list[Row]:
     """Measure the final programs under the paper's contact model, where a task has one."""
-    found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith("point-")]
+    found = [each for each in outcomes if not each.record.ended and not each.trial.task.name.startswith(PLANAR)]
     trials = [replace(each.trial, task=replace(each.trial.task, contact="paper")) for each in found]
     cells = [
-        Transfer(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
+        TransferCell(f"{trial}, paper contact", each.directory / DIRECTORY, _config(trial))
         for each, trial in zip(found, trials, strict=True)
     ]
     outs = run_cells("paper curves, paper contact", cells, context.cell_context, context.runner, console)
     rows: list[Row] = []
     for each, trial, out in zip(found, trials, outs, strict=True):
         figures, last = read_json(out / OUTCOME), each.record.points[-1]
-        point = Point(
+        point = EvaluationPoint(
             last.control_steps, int(figures["successes"]), trial.evaluation_episodes, last.seconds, final=True
         )
         rows += rows_of(trial, _only(each.record, point))
@@ -97,7 +109,7 @@ def _config(trial: Trial) -> transfer.Config:
     return transfer.Config(trial.task, trial.seed, trial.evaluation_episodes)
 
 
-def _only(record: Record, point: Point) -> Record:
+def _only(record: Record, point: EvaluationPoint) -> Record:
     """Return a record with another last point and no others."""
     return replace(record, points=(point,))
 
@@ -111,7 +123,7 @@ def make_table1(options: Options, context: ExperimentContext, console: Console) 
     options = options.quickly()
     tasks, missing = chosen_tasks(options, tuple(REPORTED))
     built = [task for task in tasks if task not in missing]
-    usual = replace(options, profiles=options.profiles or PROFILES[:1])
+    usual = options if options.quick else replace(options, profiles=options.profiles or PROFILES[:1])
     outcomes = run_trials("paper table1", trials_of(usual, built, (OURS,)), context, console)
     failures = failures_of(outcomes)
     if not outcomes:

@@ -159,7 +159,7 @@ def chosen_tasks(options: Options, usual: Sequence[str]) -> tuple[tuple[str, ...
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CellOutcome:
     """A cell that was computed.
 
     Args:
@@ -178,7 +178,7 @@ class Outcome:
         return rows_of(self.trial, self.record)
 
 
-def run_trials(title: str, trials: Sequence[Trial], context: ExperimentContext, console: Console) -> list[Outcome]:
+def run_trials(title: str, trials: Sequence[Trial], context: ExperimentContext, console: Console) -> list[CellOutcome]:
     """Run every trial, or find it in the store."""
     cells = [cell_of(trial) for trial in trials]
 
@@ -190,15 +190,15 @@ def run_trials(title: str, trials: Sequence[Trial], context: ExperimentContext, 
         return f"{format_success(last)}, {last['control_steps']} control steps"
 
     found = run_cells(title, cells, context.cell_context, context.runner, console, say)
-    return [Outcome(trial, read_record(out), out) for trial, out in zip(trials, found, strict=True)]
+    return [CellOutcome(trial, read_record(out), out) for trial, out in zip(trials, found, strict=True)]
 
 
-def failures_of(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+def failures_of(outcomes: Sequence[CellOutcome]) -> tuple[str, ...]:
     """Name the cells that gave no program."""
     return tuple(f"{each.trial}: {each.record.reason}" for each in outcomes if each.record.reason)
 
 
-def table_of(outcomes: Sequence[Outcome], more: Sequence[Row] = ()) -> pd.DataFrame:
+def table_of(outcomes: Sequence[CellOutcome], more: Sequence[Row] = ()) -> pd.DataFrame:
     """Make the table of all evaluations of cells."""
     return tabulate([*(row for each in outcomes for row in each.rows), *more])
 
@@ -277,12 +277,12 @@ def _track(
         return track_experiment(directory, context.workspace.mlruns, title, title, params, {}, files, tags, children)
 
 
-def children_of(outcomes: Sequence[Outcome]) -> list[ChildRun]:
+def children_of(outcomes: Sequence[CellOutcome]) -> list[ChildRun]:
     """Return the cells of trials as they are tracked: parameters, figures of the end, and the curve."""
     return [_child(each) for each in outcomes]
 
 
-def _child(each: Outcome) -> ChildRun:
+def _child(each: CellOutcome) -> ChildRun:
     rows, trial = each.rows, each.trial
     last = rows[-1]
     names = (

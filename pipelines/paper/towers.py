@@ -15,7 +15,7 @@ from roboscribe.envs.catalogue import CONTACTS
 from roboscribe.errors import ArtifactError
 from roboscribe.evaluation import format_success
 from roboscribe.pipelines.paper.cell_runner import run_cells
-from roboscribe.pipelines.paper.cells import Transfer
+from roboscribe.pipelines.paper.cells import TransferCell
 from roboscribe.pipelines.paper.experiment import (
     ExperimentContext,
     ExperimentResult,
@@ -177,7 +177,7 @@ def _measured(
     """Measure every subject in every task."""
     pairs = list(product(subjects, places))
     cells = [
-        Transfer(
+        TransferCell(
             f"{s} on {t.name}, {t.contact} contact",
             s.directory,
             transfer.Config(t, s.seed, options.evaluation_episodes),

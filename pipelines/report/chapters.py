@@ -28,7 +28,7 @@ from roboscribe.subtask_tree import ROOT
 
 
 @dataclass(frozen=True)
-class Skill:
+class SkillTraining:
     """How one controller was learned within an attempt.
 
     Args:
@@ -56,7 +56,7 @@ class Attempt:
 
     goal: str
     program: Program
-    skills: tuple[Skill, ...] = ()
+    skills: tuple[SkillTraining, ...] = ()
     library: Path | None = None
     counts: Mapping[str, Any] = field(default_factory=dict)
     failing: tuple[tuple[int, ...], ...] = ()
@@ -180,7 +180,7 @@ class _Reader:
     def _trained(self, attempt: Attempt, event: Trained, more: Mapping[str, Any]) -> Attempt:
         self._steps += sum(int(report["control_steps"]) for report in event.reports)
         curves = more.get("curves", {})
-        skills = tuple(Skill(report, curves.get(str(report["controller"]), {})) for report in event.reports)
+        skills = tuple(SkillTraining(report, curves.get(str(report["controller"]), {})) for report in event.reports)
         return replace(attempt, skills=(*attempt.skills, *skills), library=event.metrics.parent)
 
     def _rolled_out(self, attempt: Attempt, event: RolledOut, more: Mapping[str, Any]) -> Attempt:

@@ -25,7 +25,7 @@ EVERY = 2
 
 
 @dataclass(frozen=True)
-class Scene:
+class FailureScene:
     """What is to be filmed.
 
     Args:
@@ -65,16 +65,16 @@ def film_failures(found: LoadedRun, chapters: Chapters, count: int, directory: P
     }
 
 
-def _scenes(found: LoadedRun, chapters: Chapters, account: EventLog, where: TaskConfig) -> Iterator[Scene]:
+def _scenes(found: LoadedRun, chapters: Chapters, account: EventLog, where: TaskConfig) -> Iterator[FailureScene]:
     """List programs that failed and whose controllers are there."""
     confirm = int(account.about["plan"]["training"]["confirm"])
     for place, chapter in enumerate(chapters.read_chapters):
         if isinstance(chapter, Attempt) and chapter.failing and chapter.library is not None:
             program = _attempted(chapter, chapter.library, where, confirm)
             if program is not None:
-                yield Scene(place, program, chapter.goal, chapter.failing)
+                yield FailureScene(place, program, chapter.goal, chapter.failing)
     if chapters.failing and found.program is not None and not found.program.edited:
-        yield Scene(FINAL, runnable(found.program, where.make(), found.name), ROOT, chapters.failing)
+        yield FailureScene(FINAL, runnable(found.program, where.make(), found.name), ROOT, chapters.failing)
 
 
 def _attempted(attempt: Attempt, library: Path, where: TaskConfig, confirm: int) -> Runnable | None:
@@ -85,7 +85,7 @@ def _attempted(attempt: Attempt, library: Path, where: TaskConfig, confirm: int)
     return Runnable(attempt.program, skills, read_json(library / LIMITS), confirm)
 
 
-def _film_scene(scene: Scene, where: TaskConfig, count: int, directory: Path) -> list[Film]:
+def _film_scene(scene: FailureScene, where: TaskConfig, count: int, directory: Path) -> list[Film]:
     """Film the first failing episodes of a program."""
     task, chosen = where.make(), scene.failing[:count]
     numbers = [number for number, *_ in chosen]

@@ -15,14 +15,14 @@ from roboscribe.html.strips import strips_html
 from roboscribe.html.tables import refinement_html
 from roboscribe.html.tree import tree_html
 from roboscribe.pipelines.console import reason_line, training_line
-from roboscribe.pipelines.report.chapters import Attempt, Chapter, Chapters, Remark, Skill
+from roboscribe.pipelines.report.chapters import Attempt, Chapter, Chapters, Remark, SkillTraining
 from roboscribe.pipelines.report.films import Film, films_html
 from roboscribe.stages.runtime.events import Refined
 from roboscribe.subtask_tree import ROOT
 
 
 @dataclass(frozen=True)
-class Part:
+class PagePart:
     """A part of a chapter.
 
     Args:
@@ -52,7 +52,7 @@ class ChapterView:
     kind: str
     title: str
     lines: tuple[str, ...] = ()
-    parts: tuple[Part, ...] = field(default=())
+    parts: tuple[PagePart, ...] = field(default=())
 
 
 def chapter_views(chapters: Chapters, films: Mapping[int, Sequence[Film]]) -> tuple[ChapterView, ...]:
@@ -83,8 +83,8 @@ def _view(chapter: Chapter, number: int, films: Sequence[Film]) -> ChapterView:
 
 def _attempt(attempt: Attempt, films: Sequence[Film]) -> ChapterView:
     """Show a program that was tried."""
-    program = Part("the program", Markup(program_html(attempt.program)))
-    shown = (Part("an episode that failed", films_html(films), folded=False),) if films else ()
+    program = PagePart("the program", Markup(program_html(attempt.program)))
+    shown = (PagePart("an episode that failed", films_html(films), folded=False),) if films else ()
     lines = tuple(training_line(skill.report) for skill in attempt.skills)
     if not attempt.counts:
         return ChapterView("remark", f"{attempt.controllers} was made ready for {attempt.goal}", lines, (program,))
@@ -103,10 +103,10 @@ def _refinement(refined: Refined, number: int) -> ChapterView:
     strips = Markup(strips_html(refined.strips, node.name, refinement.psi))
     table, tree = Markup(refinement_html(refinement)), Markup(tree_html(refined.tree))
     parts = (
-        Part("It says", Markup(f"<p>{escape(node.name)} ≡ {predicate_html(node.predicate)}</p>"), folded=False),
-        Part(f"Where {node.name} is true along the demonstrations", strips, folded=False),
-        Part(f"{len(refinement.table)} candidates, the best first", table, open=True),
-        Part("the abstraction with it", tree),
+        PagePart("It says", Markup(f"<p>{escape(node.name)} ≡ {predicate_html(node.predicate)}</p>"), folded=False),
+        PagePart(f"Where {node.name} is true along the demonstrations", strips, folded=False),
+        PagePart(f"{len(refinement.table)} candidates, the best first", table, open=True),
+        PagePart("the abstraction with it", tree),
     )
     title = f"Refinement {number}: {node.name} becomes a subgoal of {refinement.psi}"
     return ChapterView("refined", title, (f"{said[0].upper()}{said[1:]}.", explained), parts)
@@ -132,7 +132,7 @@ def learning_html(chapters: Chapters) -> Markup:
     return Markup(curves_html(curves, "success in training")) if curves else Markup()
 
 
-def _curves(skill: Skill, goal: str, rank: int) -> list[Curve]:
+def _curves(skill: SkillTraining, goal: str, rank: int) -> list[Curve]:
     """Read the success rates of a learner, while a program for some goal was made ready."""
     name = f"π_{skill.report['controller']} for {goal}"
     rates = {key: points for key, points in skill.curves.items() if key.endswith("success") and len(points) > 1}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from roboscribe.errors import ArtifactError
+from roboscribe.errors import ArtifactError, did_you_mean
 from roboscribe.io.atomic import sha256_of
 from roboscribe.io.lock import is_held
 from roboscribe.io.saved_program import CONTROLLERS, MANIFEST, TREE, SavedProgram, load_program
@@ -29,7 +29,7 @@ SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Run:
+class RunRecord:
     """A run of a workspace.
 
     Args:
@@ -79,7 +79,7 @@ class LoadedRun:
         return {} if self.program is None else self.program.manifest
 
 
-def list_runs(workspace: Workspace) -> tuple[Run, ...]:
+def list_runs(workspace: Workspace) -> tuple[RunRecord, ...]:
     """List the runs of a workspace, the latest first; those that were killed before their first record are left out.
 
     Raises:
@@ -115,7 +115,8 @@ def open_run(name: str, workspace: Workspace) -> Iterator[LoadedRun]:
             yield found
     elif not Path(name).exists() and name not in shipped_names():
         expected = "a program's directory, a run that `roboscribe runs` lists, an MLflow run id, or a shipped program"
-        msg = f"run {name}: there is nothing of this name; expected {expected} ({', '.join(shipped_names())})"
+        hint = did_you_mean(name, shipped_names())
+        msg = f"run {name}: there is nothing of this name; {hint}expected {expected} ({', '.join(shipped_names())})"
         raise ArtifactError(msg)
     else:
         with program_directory(name, workspace.mlruns) as directory:
@@ -124,8 +125,8 @@ def open_run(name: str, workspace: Workspace) -> Iterator[LoadedRun]:
             yield LoadedRun(name, directory, load_program(directory), *about)
 
 
-def _open_directory(directory: Path) -> Run:
-    return Run(directory, _status(directory), read_event_log(directory / CHRONICLE))
+def _open_directory(directory: Path) -> RunRecord:
+    return RunRecord(directory, _status(directory), read_event_log(directory / CHRONICLE))
 
 
 def _status(directory: Path) -> str:
@@ -136,7 +137,7 @@ def _status(directory: Path) -> str:
     return last if last in ENDED or is_held(directory) else "KILLED"
 
 
-def _find_run(name: str, workspace: Workspace) -> Run | None:
+def _find_run(name: str, workspace: Workspace) -> RunRecord | None:
     """Find a run by its directory, its key, how that begins, or its MLflow id.
 
     Raises:
@@ -155,7 +156,7 @@ def _find_run(name: str, workspace: Workspace) -> Run | None:
     return _open_directory(found[0]) if found else None
 
 
-def _run_that_made(directory: Path, workspace: Workspace) -> Run | None:
+def _run_that_made(directory: Path, workspace: Workspace) -> RunRecord | None:
     """Find the latest run that made a program, by the digests of tree and controllers; its text may be edited."""
     if not all((directory / name).is_file() for name in (TREE, CONTROLLERS)):
         return None

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from datetime import datetime
-from pathlib import Path
 
-from roboscribe.io.atomic import Json, indented_json, write_file
-from roboscribe.pipelines.runs.lookup import SHOWN, Run
+from roboscribe.pipelines.runs.lookup import SHOWN, RunRecord
 
 
-def summary(run: Run) -> dict[str, str]:
+def summary(run: RunRecord) -> dict[str, str]:
     """Sum up a run."""
     about, result = run.account.about, run.account.result
     plan = about["plan"]
@@ -36,10 +34,3 @@ def columns(rows: Sequence[dict[str, str]]) -> list[str]:
     table = [list(rows[0]), *(list(row.values()) for row in rows)]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table]
-
-
-def write_summaries(path: Path | None, found: Sequence[dict[str, str]]) -> None:
-    """Write the table as JSON where asked to."""
-    if path is not None:
-        rows: list[Json] = [dict(row) for row in found]
-        write_file(path, indented_json(rows).encode())

@@ -108,15 +108,15 @@ class ChunkConfig:
         units: width of the transformer.
         layers: its layers over the tokens; one more looks from the actions at the tokens.
         heads: of its attention.
-        decay: weight of a prediction against one that is a step older, as an exponent.
+        decay: how much less a prediction weighs than one that was made a step later, as an exponent.
     """
 
-    cloning: CloningConfig = field(default_factory=lambda: CloningConfig(steps=30_000, learning_rate=5e-4))
+    cloning: CloningConfig = field(default_factory=lambda: CloningConfig(steps=10_000, learning_rate=5e-4))
     actions: int = 16
     units: int = 128
     layers: int = 2
     heads: int = 4
-    decay: float = 0.01
+    decay: float = 0.3
 
 
 @dataclass(frozen=True)

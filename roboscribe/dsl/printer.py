@@ -284,7 +284,7 @@ def pretty(program: Program) -> str:
 
 
 def program_text(program: Program) -> str:
-    """Spell a program as its readers see it; what prints is what runs."""
+    """Print a program; its text parses back to the same program."""
     return pretty(program).rstrip() + "\n"
 
 

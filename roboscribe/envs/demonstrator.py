@@ -37,26 +37,32 @@ class Script:
     """What is done, apart from how.
 
     Args:
-        command: the noiseless action (R, 4) in states (R, F).
+        command: the noiseless action (R, 4) in states (R, F), given the plan where there is one.
         above: the same, crossing well above everything and coming down vertically.
         spread: (4,) standard deviation of the noise.
         share: the share (R,) of the noise that is applied in states (R, F).
         look: how performers read a state (F,).
         styles: in which it can be given.
+        plan: what the first states (R, F) of episodes decide for all of them.
     """
 
-    command: Callable[[FloatArray], FloatArray]
-    above: Callable[[FloatArray], FloatArray]
+    command: Callable[..., FloatArray]
+    above: Callable[..., FloatArray]
     spread: FloatArray
     share: Callable[[FloatArray], FloatArray]
     look: Callable[[FloatArray], Scene] = Scene.of
     styles: tuple[str, ...] = tuple(STYLES)
+    plan: Callable[[FloatArray], FloatArray] | None = None
 
-    def commands(self, states: FloatArray, above: BoolArray) -> FloatArray:
-        """Decide the noiseless action (R, 4) in states (R, F), from well above in those rows (R,) where asked to."""
-        actions = self.command(states)
+    def commands(self, states: FloatArray, starts: FloatArray, above: BoolArray) -> FloatArray:
+        """Decide the noiseless action (R, 4) in states (R, F) of episodes that began in `starts` (R, F).
+
+        It comes from well above in those rows (R,) where asked to.
+        """
+        plans = () if self.plan is None else (self.plan(starts),)
+        actions = self.command(states, *plans)
         if above.any():
-            actions[above] = self.above(states[above])
+            actions[above] = self.above(states[above], *(plan[above] for plan in plans))
         return actions
 
 
@@ -224,7 +230,8 @@ def run(task: ScriptedTask, world: World, wave: Sequence[DemonstrationAttempt]) 
         if len(rows) == 0:
             return
         above = np.array([wave[row].performer.style.above for row in rows])
-        scripted = zip(rows, script.commands(states, above), script.share(states), strict=True)
+        starts = np.array([wave[row].states[0] for row in rows])
+        scripted = zip(rows, script.commands(states, starts, above), script.share(states), strict=True)
         actions = np.array([wave[row].act(action, script.spread, share) for row, action, share in scripted])
         states = world.step(rows, actions)
         for row, action in zip(rows, actions, strict=True):

@@ -1,8 +1,9 @@
 """What to do next in a Fetch scene whose fingers stay closed: push one block after the other to its goal.
 
-The command is a function of the observed state alone. The hand crosses above the blocks, comes down behind the block
-that is due, as seen from its goal, and pushes; where the block has slipped off the line to its goal, the hand goes
-around it at the table, or rises and begins again where it is far behind.
+The command is a function of the observed state, and of an order of the blocks that the first state decides. The hand
+crosses above the blocks, comes down behind the block that is due, as seen from its goal, and pushes; where the block
+has slipped off the line to its goal, the hand goes around it at the table, or rises and begins again where it is far
+behind.
 """
 
 from __future__ import annotations
@@ -32,8 +33,6 @@ LOW = 0.03
 """Up to this height above a block's centre the hand pushes, m."""
 AHEAD = 0.06
 """Pushing aims this far ahead at most, m."""
-PASSAGE = 0.07
-"""Another block this close to the way of hand and block is in the way, m."""
 STEER = 1.5
 """How sharply a push is steered against the hand's sideways error."""
 TIP, RIM = 0.01, 0.03
@@ -50,9 +49,9 @@ Order: TypeAlias = Callable[[FloatArray, FloatArray], FloatArray]
 """Ranks (R, N) blocks (R, N, 3) with goals (R, N, 3): the lowest is pushed first."""
 
 
-def free_first(blocks: FloatArray, goals: FloatArray) -> FloatArray:
-    """Blocks with a free way first, in their own order."""
-    return np.asarray(_obstacles(blocks, goals) * blocks.shape[1] + np.arange(blocks.shape[1]), np.float64)
+def longest_first(blocks: FloatArray, goals: FloatArray) -> FloatArray:
+    """Blocks with the longest way first: what is close to its goal already is out of the way of the others."""
+    return np.asarray(-np.linalg.norm(goals - blocks, axis=2), np.float64)
 
 
 def farthest_first(blocks: FloatArray, goals: FloatArray) -> FloatArray:
@@ -61,29 +60,11 @@ def farthest_first(blocks: FloatArray, goals: FloatArray) -> FloatArray:
     return -goals[..., 0]
 
 
-def due(hand: FloatArray, blocks: FloatArray, goals: FloatArray, order: Order = free_first) -> IntArray:
-    """Index (R,) of the block to push: the late one that the hand is behind, else the first in order."""
+def due(hand: FloatArray, blocks: FloatArray, goals: FloatArray, ranks: FloatArray) -> IntArray:
+    """Index (R,) of the block to push: the late one that the hand is behind, else the one of the lowest rank (R, N)."""
     late = np.linalg.norm(goals - blocks, axis=2) > CLOSE
-    rank = np.where(_behind(hand[:, None], blocks, goals), -np.inf, order(blocks, goals))
+    rank = np.where(_behind(hand[:, None], blocks, goals), -np.inf, ranks)
     found: IntArray = np.where(late, rank, np.inf).argmin(axis=1).astype(np.int64)
-    return found
-
-
-def _obstacles(blocks: FloatArray, goals: FloatArray) -> IntArray:
-    """Count (R, N) the blocks in the way of each to its goal, and the ways of others on which its goal lies."""
-    late = np.linalg.norm(goals - blocks, axis=2) > CLOSE
-    in_its_way = _in_way(blocks, goals, blocks).sum(axis=2)
-    in_others_way = (_in_way(blocks, goals, goals) & late[:, :, None]).sum(axis=1)
-    return np.asarray(in_its_way + in_others_way, np.int64)
-
-
-def _in_way(blocks: FloatArray, goals: FloatArray, points: FloatArray) -> BoolArray:
-    """Tell (R, N, N) in which other blocks' way to their goals points (R, N, 3) of blocks lie."""
-    ahead, left = _way(blocks, goals)
-    gap = points[:, None, :, :2] - blocks[:, :, None, :2]
-    along = np.clip((gap * ahead[:, :, None]).sum(axis=3), -BEHIND, left[:, :, None])
-    off = np.linalg.norm(gap - along[..., None] * ahead[:, :, None], axis=3)
-    found: BoolArray = (off < PASSAGE) & ~np.eye(blocks.shape[1], dtype=np.bool_)
     return found
 
 
@@ -109,19 +90,19 @@ def _behind(hand: FloatArray, blocks: FloatArray, goals: FloatArray) -> BoolArra
     return found
 
 
-def command(order: Order, states: FloatArray, clear: float = CLEAR) -> FloatArray:
+def command(states: FloatArray, ranks: FloatArray, clear: float = CLEAR) -> FloatArray:
     """Decide the noiseless action.
 
     Args:
-        order: which block is pushed first.
         states: (R, F) states of a Fetch scene.
+        ranks: (R, N) which blocks are pushed first: the lowest.
         clear: height above the block at which the hand crosses, m.
 
     Returns:
         (R, 4) actions in [-1, 1]; the fingers' command is 0.
     """
     seen = view(states)
-    row, index = np.arange(len(states)), due(seen.hand, seen.blocks, seen.goals, order)
+    row, index = np.arange(len(states)), due(seen.hand, seen.blocks, seen.goals, ranks)
     hand, block, goal = seen.hand, seen.blocks[row, index], seen.goals[row, index]
     ahead, left = _way(block, goal)
     along, side = _beside(hand, block, ahead)
@@ -146,9 +127,14 @@ def calm(states: FloatArray) -> FloatArray:
 
 
 def script(order: Order) -> Script:
-    """Return what pushes the blocks to their goals one after the other."""
-    return Script(partial(command, order), partial(command, order, clear=HIGH), SPREAD, calm, styles=STYLES)
+    """Return what pushes the blocks to their goals one after the other, in the order seen at the start."""
+
+    def plan(starts: FloatArray) -> FloatArray:
+        seen = view(starts)
+        return order(seen.blocks, seen.goals)
+
+    return Script(command, partial(command, clear=HIGH), SPREAD, calm, styles=STYLES, plan=plan)
 
 
-PUSH, PUSH_CONFINED = script(free_first), script(farthest_first)
-"""Push blocks in any order that leaves ways free; the farthest one first."""
+PUSH, PUSH_CONFINED = script(longest_first), script(farthest_first)
+"""Push the block with the longest way first; the one whose goal is the farthest off."""

@@ -1,8 +1,9 @@
-"""A seal over every byte of a Parquet file, so that any damage is seen before anything is read from it.
+"""A checksum over every byte of a Parquet file, so that any damage is seen before anything is read from it.
 
-Page checksums guard the data pages only; page headers and the footer carry none. The seal lies in the gap that Parquet
-allows between the last column and the footer, where other programs ignore it, and a program that rewrites the file
-drops it. A file is therefore sealed and intact, sealed and damaged, or not sealed: written by something else.
+Page checksums guard the data pages only; page headers and the footer carry none. The checksum lies in the gap
+that Parquet allows between the last column and the footer, where other programs ignore it, and a program that rewrites
+the file drops it. A file therefore has one and is intact, has one and is damaged, or has none, for something else
+wrote it.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ _TRAILER_BYTES = 8
 
 
 class Checksum(Enum):
-    """What the seal says about a file."""
+    """What the checksum says about a file."""
 
-    ABSENT = "not sealed"
+    ABSENT = "without a checksum"
     INTACT = "intact"
     BODY_DAMAGED = "damaged before the footer"
     DAMAGED = "damaged, the footer included"
 
 
 def add_checksum(path: Path) -> str:
-    """Insert the seal before the footer of a complete Parquet file; returns the SHA-256 of the result, hexadecimal."""
+    """Insert the checksum before a complete Parquet file's footer; returns the SHA-256 of the result, hexadecimal."""
     with path.open("r+b") as file:
         file.seek(-_TRAILER_BYTES, os.SEEK_END)
         trailer = file.read()
@@ -53,10 +54,10 @@ def add_checksum(path: Path) -> str:
 
 
 def verify_checksum(data: Content) -> Checksum:
-    """Say whether a file is sealed and intact.
+    """Say whether a file has a checksum and is intact.
 
-    Both ends of the seal are searched for in the whole file, so that damage to one of them, or to the footer's length,
-    does not make a sealed file look like one that never had a seal.
+    Both ends of the checksum are searched for in the whole file, so that damage to one of them, or to the footer's
+    length, does not make a file with a checksum look like one that never had one.
     """
     if data.rfind(_HEAD) < 0 and data.rfind(_TAIL) < 0:
         return Checksum.ABSENT

@@ -83,7 +83,7 @@ def write_demonstrations(
     generator: str,
     seed: int | None,
 ) -> str:
-    """Write demonstrations to one Parquet file, atomically and sealed.
+    """Write demonstrations to one Parquet file, atomically and with a checksum.
 
     Args:
         path: target; its directory must exist.
@@ -116,7 +116,7 @@ def read_demonstrations(path: Path, task: Task) -> Demonstrations:
     """Read every demonstration of a file, or none.
 
     Numbers, units and structure are checked here; which demonstrations are worth learning from is `screen`'s question.
-    A file that another program rewrote has no seal; it is read, and the report says so.
+    A file that another program rewrote has no checksum; it is read, and the report says so.
 
     Args:
         path: a file of `write_demonstrations`, or one with the same columns and metadata.

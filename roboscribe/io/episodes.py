@@ -50,10 +50,10 @@ class Header:
 
 @dataclass(frozen=True)
 class EpisodeFile:
-    """An open demonstration file whose seal, metadata and columns have been found good.
+    """An open demonstration file whose checksum, metadata and columns have been found good.
 
     Args:
-        header: what it says about itself; lengths are empty where a file without a seal states none.
+        header: what it says about itself; lengths are empty where a file without a checksum states none.
         remarks: what is odd about it but no error.
     """
 
@@ -84,7 +84,7 @@ class EpisodeFile:
 
 
 def write_episodes(path: Path, header: Header, trajectories: Iterable[tuple[int, Trajectory]]) -> str:
-    """Write one demonstration file, atomically and sealed, from episodes that come one by one.
+    """Write one demonstration file, atomically and with a checksum, from episodes that come one by one.
 
     Args:
         path: target; its directory must exist.
@@ -142,7 +142,7 @@ def open_episodes(path: Path, task: Task) -> Iterator[EpisodeFile]:
 
 @contextmanager
 def open_parquet(path: Path) -> Iterator[tuple[Content, pq.ParquetFile, Checksum]]:
-    """Map a Parquet file into memory and look at its seal; every page that is read is checked.
+    """Map a Parquet file into memory and verify its checksum; every page that is read is checked.
 
     Raises:
         DemonstrationError: there is no such file, it is no Parquet, or its footer is damaged.
@@ -252,7 +252,7 @@ def _seed(text: str | None) -> int | None:
 
 
 def _beyond_repair(source: str, where: str = "") -> str:
-    """Say that a sealed file has changed."""
+    """Say that a file with a checksum has changed."""
     return f"{source}: damaged{where} since it was written; nothing of it was used, restore or collect it again"
 
 
@@ -274,6 +274,6 @@ def _readable(file: pq.ParquetFile, group: int) -> bool:
 
 def _remarks(checksum: Checksum, unknown: Sequence[str], source: str) -> tuple[str, ...]:
     """Say what is odd about a file that could be read."""
-    unsealed = f"{source}: not sealed, another program wrote it; only page checksums guard it"
+    unguarded = f"{source}: has no checksum, another program wrote it; only page checksums guard it"
     ignored = f"{source}: unknown column {', '.join(unknown)} ignored"
-    return tuple(line for line, odd in ((unsealed, checksum is Checksum.ABSENT), (ignored, unknown)) if odd)
+    return tuple(line for line, odd in ((unguarded, checksum is Checksum.ABSENT), (ignored, unknown)) if odd)

@@ -1,4 +1,4 @@
-"""What every learner is given and what it returns, whichever it is."""
+"""The interface that PPO and SAC share: what a learner is given and what it returns."""
 
 from __future__ import annotations
 

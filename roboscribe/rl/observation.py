@@ -3,13 +3,13 @@
 That is what lets a skill learned on five blocks work on nine. A spec names attributes, not columns, so it outlives
 the layout it was built on; `Encoder` binds it to one layout.
 
-In loops a controller may also feel where others of its entity's type are close by: how many there are plays no role,
-and whoever is further off than its reach counts as nobody.
+Extension point: where an `until` predicate quantifies over a type none of whose entities is an argument, further
+slots (the nearest such entities, chosen per state) would be appended to the entities given to `Encoder`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
@@ -35,8 +35,6 @@ PLANAR = 2
 """Components of a difference as seen from above."""
 TURNED_SCALES = (0.1, 0.025)
 """Scales in metres of the copies of differences along and across others."""
-CROWD_REACH = (0.2, 0.1)
-"""Distances in metres within which others are felt: about what a hand and the longest pushed or carried object take."""
 LEAST_LENGTH = 1e-3
 """A difference shorter than this has no direction, m."""
 CLIP = 10.0
@@ -74,8 +72,6 @@ class ObservationSpec:
         mean: of attributes and differences, in their units; empty before `fitted`.
         std: as `mean`.
         turned: ranks of pairs; of the first difference its parts along and across the second are seen, from above.
-        crowd: ranks of parts, a position and an entity's attribute: around the former, others of the entity's type are
-            felt, by the latter.
     """
 
     types: tuple[str, ...]
@@ -85,7 +81,6 @@ class ObservationSpec:
     mean: tuple[float, ...] = ()
     std: tuple[float, ...] = ()
     turned: tuple[tuple[int, int], ...] = ()
-    crowd: tuple[tuple[int, int], ...] = ()
 
     @property
     def alone(self) -> tuple[int, ...]:
@@ -106,9 +101,9 @@ class ObservationSpec:
         """Return plain lists, numbers and strings."""
         parts = [[part.slot, part.attribute, part.goal] for part in self.parts]
         pairs = [list(pair) for pair in self.pairs]
-        turned, crowd = ([list(pair) for pair in pairs] for pairs in (self.turned, self.crowd))
+        turned = [list(pair) for pair in self.turned]
         numbers = {"fine": list(self.fine), "mean": list(self.mean), "std": list(self.std)}
-        return {"types": list(self.types), "parts": parts, "pairs": pairs, "turned": turned, "crowd": crowd, **numbers}
+        return {"types": list(self.types), "parts": parts, "pairs": pairs, "turned": turned, **numbers}
 
     @staticmethod
     def from_json(data: Mapping[str, object]) -> ObservationSpec:
@@ -123,7 +118,6 @@ class ObservationSpec:
                 parts=tuple(_part(row) for row in _rows(data["parts"])),
                 pairs=tuple(_pair(row) for row in _rows(data["pairs"])),
                 turned=tuple(_pair(row) for row in _rows(data.get("turned", []))),
-                crowd=tuple(_pair(row) for row in _rows(data.get("crowd", []))),
                 fine=_numbers(data["fine"]),
                 mean=_numbers(data["mean"]),
                 std=_numbers(data["std"]),
@@ -172,7 +166,6 @@ def observation_spec(
     robot_units: Sequence[str] = ROBOT_UNITS,
     *,
     goals: bool = False,
-    others: bool = False,
 ) -> ObservationSpec:
     """Build the spec of a controller from its arguments; `fitted` completes it.
 
@@ -184,7 +177,6 @@ def observation_spec(
         robot_units: the same for the robot.
         goals: whether the goals of entities among the arguments are seen, too, by the robot alone: where it is to
             leave is not to be confused with where an entity shall go.
-        others: whether others of the types of its entities are felt around them and around the robot.
 
     Returns:
         Attributes in order of the arguments, and the difference of every two positions (unit m) named alike; of every
@@ -206,16 +198,7 @@ def observation_spec(
     planar = [rank for rank, (i, _) in enumerate(alike) if seen[i][1].width >= PLANAR]
     turned = tuple((one, along) for one in planar for along in planar if one != along)
     kinds, parts = tuple(types[name] for name in names), tuple(part for part, *_ in seen)
-    crowd = tuple(_crowd(parts, [alike[rank] for rank in planar])) if others else ()
-    return ObservationSpec(kinds, parts, tuple(alike), turned=turned, crowd=crowd)
-
-
-def _crowd(parts: Sequence[Part], alike: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """List around which positions others are felt: that of each entity, and the robot's where they are named alike."""
-    for rank, part in enumerate(parts):
-        if part.slot != ROBOT and not part.goal and any(rank in pair for pair in alike):
-            yield from ((i, rank) for i, j in alike if j == rank and parts[i].slot == ROBOT)
-            yield rank, rank
+    return ObservationSpec(kinds, parts, tuple(alike), turned=turned)
 
 
 def _slot(arg: Object, names: Sequence[str]) -> tuple[int, bool]:
@@ -269,8 +252,7 @@ class Encoder:
         widths = [table.shape[1] for _, table in self.columns]
         differences = sum(widths[i] for i, _ in self.spec.pairs)
         turned = PLANAR * (len(self.spec.turned) * len(TURNED_SCALES) + len(self._directions))
-        crowd = sum(widths[rank] + PLANAR * len(self._directions) for _, rank in self.spec.crowd) * len(CROWD_REACH)
-        return sum(widths[i] for i in self.spec.alone) + differences * (1 + len(self.spec.fine)) + turned + crowd
+        return sum(widths[i] for i in self.spec.alone) + differences * (1 + len(self.spec.fine)) + turned
 
     @cached_property
     def _directions(self) -> tuple[int, ...]:
@@ -284,67 +266,38 @@ class Encoder:
         starts = np.cumsum([0, *widths])
         return {rank: slice(starts[rank], starts[rank] + PLANAR) for rank in range(len(widths))}
 
-    def _ahead(self, differences: FloatArray) -> dict[int, FloatArray]:
-        """Return the horizontal directions (R, 2) along which others are seen, of differences (R, D)."""
-        flat = {rank: differences[:, self._planar[rank]] for rank in self._directions}
-        lengths = {rank: np.linalg.norm(flat[rank], axis=1, keepdims=True) for rank in self._directions}
-        return {rank: flat[rank] / np.maximum(lengths[rank], LEAST_LENGTH) for rank in self._directions}
-
-    def _turned(self, differences: FloatArray, ahead: Mapping[int, FloatArray]) -> list[FloatArray]:
+    def _turned(self, differences: FloatArray) -> list[FloatArray]:
         """Return how differences (R, D) lie to each other: along and across, in several scales, and the directions."""
-        seen = [_along(differences[:, self._planar[rank]], ahead[along]) for rank, along in self.spec.turned]
+        flat = {rank: differences[:, columns] for rank, columns in self._planar.items()}
+        lengths = {rank: np.linalg.norm(flat[rank], axis=1, keepdims=True) for rank in self._directions}
+        ahead = {rank: flat[rank] / np.maximum(lengths[rank], LEAST_LENGTH) for rank in self._directions}
+        seen = []
+        for rank, along in self.spec.turned:
+            (x, y), (u, v) = flat[rank].T, ahead[along].T
+            seen.append(np.column_stack([x * u + y * v, x * v - y * u]))
         parts = np.concatenate([np.zeros((len(differences), 0)), *seen], axis=1)
         return [*(np.clip(parts / scale, -FINE_CLIP, FINE_CLIP) for scale in TURNED_SCALES), *ahead.values()]
 
-    def _crowd(
-        self, states: FloatArray, entities: IntArray, values: Sequence[FloatArray], ahead: Mapping[int, FloatArray]
-    ) -> Iterator[FloatArray]:
-        """Yield where others are close by, (R, w): towards them, the longer the closer; and along and across."""
-        for around, rank in self.spec.crowd:
-            slot, table = self.columns[rank]
-            members = np.array(self.layout.of_type(self.spec.types[slot]), dtype=np.int64)
-            unbound = (entities[:, :, None] != members).all(axis=1)
-            towards = states[:, table[members]] - values[around][:, None]
-            distance = np.linalg.norm(towards, axis=-1)
-            for reach in CROWD_REACH:
-                weight = (
-                    FINE_CLIP * np.maximum(0.0, 1.0 - distance / reach) * unbound / np.maximum(distance, LEAST_LENGTH)
-                )
-                felt = (towards * weight[..., None]).sum(axis=1)
-                yield felt
-                yield from (_along(felt[:, :PLANAR], direction) for direction in ahead.values())
-
-    def _values(self, states: FloatArray, entities: IntArray) -> list[FloatArray]:
-        """Gather every part, (R, w) each."""
+    def _split(self, states: FloatArray, entities: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Gather attributes (R, W) and differences (R, D)."""
         rows = np.arange(len(states))[:, None]
         at = [table if slot == ROBOT else table[entities[:, slot]] for slot, table in self.columns]
-        return [states[rows, columns] for columns in at]
-
-    def _split(self, values: Sequence[FloatArray], rows: int) -> tuple[FloatArray, FloatArray]:
-        """Part values into those seen themselves (R, W) and differences (R, D)."""
+        values = [states[rows, columns] for columns in at]
         differences = [values[i] - values[j] for i, j in self.spec.pairs]
         alone = [values[i] for i in self.spec.alone]
-        none = np.zeros((rows, 0))
+        none = np.zeros((len(states), 0))
         return np.concatenate([none, *alone], axis=1), np.concatenate([none, *differences], axis=1)
 
     def raw(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """Return attributes and differences (R, W + D) in their units."""
-        return np.concatenate(self._split(self._values(states, entities), len(states)), axis=1)
+        return np.concatenate(self._split(states, entities), axis=1)
 
     def __call__(self, states: FloatArray, entities: IntArray) -> NDArray[np.float32]:
         """Encode states (R, F) with bound entities (R, n) as network inputs (R, size)."""
-        values = self._values(states, entities)
-        alone, differences = self._split(values, len(states))
-        raw, ahead = np.concatenate([alone, differences], axis=1), self._ahead(differences)
+        values, differences = self._split(states, entities)
+        raw = np.concatenate([values, differences], axis=1)
         normal = (raw - np.asarray(self.spec.mean)) / np.asarray(self.spec.std)
         fine = [np.clip(differences / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
-        crowd = self._crowd(states, entities, values, ahead)
-        seen = [np.clip(normal, -CLIP, CLIP), *fine, *self._turned(differences, ahead), *crowd]
+        seen = [np.clip(normal, -CLIP, CLIP), *fine, *self._turned(differences)]
         inputs: NDArray[np.float32] = np.concatenate(seen, axis=1).astype(np.float32)
         return inputs
-
-
-def _along(flat: FloatArray, ahead: FloatArray) -> FloatArray:
-    """Return the parts of horizontal vectors (R, 2) along and across directions (R, 2)."""
-    (x, y), (u, v) = flat.T, ahead.T
-    return np.column_stack([x * u + y * v, x * v - y * u])

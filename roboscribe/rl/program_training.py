@@ -208,30 +208,22 @@ class ProgramTraining:
         found = [frames_of(part, shown, beyond, actions, size) for shown, part in self._parts(run)]
         return joined(found) if found else None
 
-    def spec(self, run: Run, *units: Sequence[str], others: bool = False) -> ObservationSpec:
-        """Return what is seen of a controller's arguments, not yet normalised; with `others` whoever is close by, too.
+    def spec(self, run: Run, *units: Sequence[str]) -> ObservationSpec:
+        """Return what is seen of a controller's arguments, not yet normalised.
 
         In a loop goals are seen, too: a controller takes over where the last entity was served, and has to leave it.
         """
         types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
-        return observation_spec(run, types, self.task.layout, *units, goals=self.in_loop(run), others=others)
+        return observation_spec(run, types, self.task.layout, *units, goals=self.in_loop(run))
 
-    def fresh_skill(self, run: Run, pool: StartPool, *, others: bool = False) -> Skill:
-        """Return an untrained skill; its inputs, see `spec`, are normalised on demonstrated, else on start states."""
+    def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
+        """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
         frames = self.frames(run)
         states, entities = (pool.states, pool.entities) if frames is None else (frames.states, frames.entities)
-        fitted = self.spec(run, others=others).fitted(self.task.layout, states, entities)
+        fitted = self.spec(run).fitted(self.task.layout, states, entities)
         blank = Skill(run.controller, fitted, (), self.task.layout)
         seed = self.seed_of(f"{run.controller} weights")
         return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
-
-    def fresh_skills(self, run: Run, pool: StartPool) -> tuple[Skill, ...]:
-        """Return untrained skills to clone, one after the other: in a loop one that feels what it must not touch, too.
-
-        Departs: the paper's controllers see their arguments alone, and so cannot avoid what the loop has served.
-        """
-        either = (False, True) if self.invariant(run) is not None and self.in_loop(run) else (False,)
-        return tuple(self.fresh_skill(run, pool, others=others) for others in either)
 
     def pools(self, run: Run, skills: Mapping[str, Skill], most: float) -> tuple[StartPool, StartPool, int]:
         """Run the program up to `run`, for half of the control steps that may be spent on it at most.

@@ -18,7 +18,7 @@ from roboscribe.rl.subtask import Subtask
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
 from roboscribe.world.task import World
 
-COUNTS = ("steps", "streak", "limit", "harm", "standing")
+COUNTS = ("steps", "streak", "limit", "harm", "protected")
 """What a row's attempt in progress is known by."""
 LASTING = 1.0
 """Return of φ that holds for ever: the sum of (1 − γ) γᵗ over all control steps t."""
@@ -54,7 +54,7 @@ class AttemptCounter:
         self.streak = np.zeros(batch, np.int64)
         self.limit = np.zeros(batch, np.int64)
         self.harm = np.zeros(batch, np.int64)
-        self.standing = np.zeros((batch, len(subtask.others)), np.bool_)
+        self.protected = np.zeros((batch, len(subtask.others)), np.bool_)
 
     def begin(self, rows: IntArray, states: FloatArray, start: StartPool) -> None:
         """Start attempts; what is left of the episode bounds them as the subtask's limit does."""
@@ -62,11 +62,11 @@ class AttemptCounter:
         self.limit[rows] = np.maximum(1, np.minimum(self.subtask.limit, self.subtask.task.horizon - start.elapsed))
         self.streak[rows] = self.subtask.achieved(states, start.entities)
         self.harm[rows] = 0
-        self.standing[rows] = self.subtask.standing(states, start.entities)
+        self.protected[rows] = self.subtask.protected(states, start.entities)
 
     def advance(self, rows: IntArray, states: FloatArray, entities: IntArray) -> tuple[BoolArray, BoolArray, BoolArray]:
         """Count one step of `rows`; returns which succeeded, which ran out of steps without, and which did harm."""
-        invariant_holds = self.subtask.invariant_holds(states, self.standing[rows])
+        invariant_holds = self.subtask.invariant_holds(states, self.protected[rows])
         achieved = self.subtask.achieved(states, entities) & invariant_holds
         self.steps[rows] += 1
         self.streak[rows] = np.where(achieved, self.streak[rows] + 1, 0)

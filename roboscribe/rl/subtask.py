@@ -93,19 +93,19 @@ class Subtask:
         binding = {invariant.variable: self.others}
         return holds(invariant.reached, states[:, None], binding, self.task.layout, self.task.solved)
 
-    def standing(self, states: FloatArray, entities: IntArray) -> BoolArray:
+    def protected(self, states: FloatArray, entities: IntArray) -> BoolArray:
         """Tell which entities a loop has served and this skill is not to touch; (R, K), K of the loop's type."""
         if self.invariant is None:
             return np.zeros((len(states), 0), np.bool_)
         unbound = (entities[:, :, None] != self.others).all(axis=1)
-        standing: BoolArray = unbound & self._served(self.invariant, states)
-        return standing
+        protected: BoolArray = unbound & self._served(self.invariant, states)
+        return protected
 
-    def invariant_holds(self, states: FloatArray, standing: BoolArray) -> BoolArray:
-        """Tell whether everything that was `standing` (R, K) at the start still is; returns (R,)."""
+    def invariant_holds(self, states: FloatArray, protected: BoolArray) -> BoolArray:
+        """Tell whether everything that was `protected` (R, K) at the start still is; returns (R,)."""
         if self.invariant is None:
             return np.ones(len(states), np.bool_)
-        invariant_holds: BoolArray = (~standing | self._served(self.invariant, states)).all(axis=1)
+        invariant_holds: BoolArray = (~protected | self._served(self.invariant, states)).all(axis=1)
         return invariant_holds
 
     def shaped(self, states: FloatArray, entities: IntArray) -> FloatArray:

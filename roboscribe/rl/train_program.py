@@ -68,7 +68,7 @@ class TrainingResult:
 
 @dataclass(frozen=True)
 class _RunContext:
-    """Where progress goes."""
+    """Where metrics and checkpoints go."""
 
     log: ProgramLog
     checkpoints: Path | None
@@ -119,6 +119,8 @@ def train_program(
     )
     skills, reports = dict(library), list[SkillReport]()
     for job in _new(training, library):
+        if job.together and _subgoal_is_missing(training, reports):
+            continue
         before = sum(each.control_steps for each in reports if each.controller == job.run.controller)
         skills[job.run.controller], report = _learn(training, context, job, skills, before)
         reports.append(report)
@@ -152,23 +154,25 @@ def step_limits(program: Program, demonstrations: Sequence[Trajectory], task: Ta
 
 @dataclass(frozen=True)
 class _SkillJob:
-    """One controller's turn to learn.
+    """One controller that is to be learned.
 
     Args:
         run: its statement.
         title: under which its progress is kept.
         reinforce: whether reinforcement learning may follow the warm start.
         again: whether it was learned before, so that no subgoal is expected before it.
+        together: whether its loop's controllers have all had a first turn.
     """
 
     run: Run
     title: str
     reinforce: bool = True
     again: bool = False
+    together: bool = False
 
 
 def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_SkillJob]:
-    """List whose turn it is among controllers that the library lacks, in textual order.
+    """List the jobs of controllers that the library lacks, in textual order.
 
     A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
     states of later iterations; then each is measured and reinforced on those.
@@ -178,7 +182,14 @@ def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_S
         for run in runs:
             yield _SkillJob(run, training.title(run), reinforce=not group.loop)
         for run in runs if group.loop else ():
-            yield _SkillJob(run, f"{run.controller}.loop")
+            yield _SkillJob(run, f"{run.controller}.loop", together=True)
+
+
+def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
+    """Tell whether what was cloned for a subgoal's program mostly fails, so that its loop shows no later iterations."""
+    config = training.config
+    failing = any(report.success < config.worth_improving for report in reports)
+    return failing and config.profile == "actions" and not training.solve
 
 
 def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
@@ -286,24 +297,24 @@ def _warm_start(
     """Return the best of what was known before and of clones, its success, and what gave it."""
     fresh = training.fresh_skill(run, pool)
     known, learner = (skills[run.controller], "kept") if run.controller in skills else (fresh, "initial")
-    if learner == "initial" and (cloned := _clone(training, run, pool, evaluator)) is not None:
+    if learner == "initial" and (cloned := _clone(training, run, fresh, pool, evaluator)) is not None:
         return *cloned, "clone"
     rate = evaluator(known).rate
     if learner == "kept" and rate < training.target(run):
-        cloned = _clone(training, run, pool, evaluator)
+        cloned = _clone(training, run, fresh, pool, evaluator)
         if cloned is not None and cloned[1] > rate:
             return *cloned, "clone"
     return known, rate, learner
 
 
 def _clone(
-    training: ProgramTraining, run: Run, pool: StartPool, evaluator: SkillEvaluator
+    training: ProgramTraining, run: Run, fresh: Skill, pool: StartPool, evaluator: SkillEvaluator
 ) -> tuple[Skill, float] | None:
     """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
     config, frames = training.config, training.frames(run)
     if frames is None or isinstance(run.until, Solved):
         return None
-    seed, fresh = training.seed_of(f"{run.controller} clone"), training.fresh_skills(run, pool)
+    seed = training.seed_of(f"{run.controller} clone")
     match config.profile:
         case "actions":
             return clone_frames(fresh, frames.samples(), evaluator, config, seed)

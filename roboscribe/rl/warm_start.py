@@ -78,16 +78,15 @@ def joined(parts: Sequence[Frames]) -> Frames:
 
 
 def clone_frames(
-    fresh: Sequence[Skill], samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
+    fresh: Skill, samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
 ) -> tuple[Skill, float] | None:
     """Return the first clone that reaches the target in rollouts, else the best; None where there is nothing to clone.
 
-    Clones are tried of one seed after the other, each seed's latest checkpoint first, as long as the budget lasts;
-    where there are several `fresh` skills, that see more and more, each seed takes the next.
+    Clones are tried of one seed after the other, each seed's latest checkpoint first, as long as the budget lasts.
     """
     best: tuple[Skill, float] | None = None
     for attempt in range(config.clone.attempts if len(samples) else 0):
-        for _, skill in reversed(list(clone(fresh[attempt % len(fresh)], samples, config.clone, seed + attempt))):
+        for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
             if best is not None and evaluator.rest < 0:
                 return best
             rate = evaluator(skill, 0.0 if best is None else best[1]).rate
@@ -99,7 +98,7 @@ def clone_frames(
 
 
 def clone_states(
-    fresh: Sequence[Skill],
+    fresh: Skill,
     frames: Frames,
     pool: StartPool,
     spec: ObservationSpec,
@@ -114,7 +113,7 @@ def clone_states(
     inverse model is fitted again, to the clone's own rollouts too.
 
     Args:
-        fresh: give name, observation and layout, see `clone_frames`.
+        fresh: gives name, observation and layout.
         frames: demonstrated; their actions are not used.
         pool: start states of the skill.
         spec: what the inverse model sees of a state.
@@ -126,7 +125,7 @@ def clone_states(
     data = _first_tries(frames, pool, evaluator, config, rng)
     best: tuple[Skill, float] | None = None
     for turn in range(config.inverse.rounds if len(data) else 0):
-        model = fit_inverse(spec, fresh[0].layout, data, config.inverse, seed + turn)
+        model = fit_inverse(spec, fresh.layout, data, config.inverse, seed + turn)
         done = model.infer(frames.states, frames.following, frames.entities)
         found = clone_frames(
             fresh, CloningSamples(frames.states, frames.entities, done), evaluator, config, seed + turn

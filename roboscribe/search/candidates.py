@@ -21,6 +21,9 @@ LEVELS = (0.1,)
 """Shares of accepted negatives that count as nearly equally good."""
 TOLERANCE = 0.2
 """Share of accepted negatives up to which it separates: episodes that begin with it fail for another reason."""
+CLEAR = 0.05
+"""Share of accepted negatives up to which a predicate about the goal's entities comes before all others. One that
+accepts more may be a part of failing: what stands in the way then is told by others, which accept none."""
 ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
@@ -164,15 +167,15 @@ class Candidate:
     def levels(self) -> tuple[float | bool, ...]:
         """What differs in kind between candidates; those that differ only by degrees may prove to be better.
 
-        It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities; is
-        maintained; mentions an entity, but few; recurs; stands well with the predecessors; is not often true at the
-        start; accepts few failures.
+        It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities and
+        fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with the predecessors;
+        is not often true at the start; accepts few failures.
         """
         return (
             not self.advances,
             not self.separates,
             self.copy,
-            not self.relevant,
+            not self.relevant or self.accepted > CLEAR,
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
             self.entities,

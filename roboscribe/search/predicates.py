@@ -63,7 +63,7 @@ def rank_predicates(
     Returns:
         Best first; empty when there is nothing to tell apart. The best may still fail to separate.
     """
-    atoms = [atom for atom in _atoms(features, samples) if atom.accepted < HOPELESS]
+    atoms = _atoms(features, samples)
     small = [judge(atom.judged(), samples) for atom in atoms] + list(_anchored(atoms, samples))
     lifted = {c.family for c in recurring}
     small = [c for c in small if c.family not in lifted]
@@ -164,9 +164,11 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     if spread == 0.0:
         return None
     threshold, gap = bound(pos, neg, spread, before)
+    if neg.size and np.mean(neg < threshold) >= HOPELESS:
+        return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    usual = np.concatenate([pos, neg, values.frames])
+    usual = usual_range(np.concatenate([pos, neg, values.frames]))
     said = bits(pos, threshold, usual, feature, sign)
     if np.mean(values.lasts < threshold) >= AGREEMENT:
         settled = np.minimum(pos, values.lasts)
@@ -174,17 +176,21 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
 
-def bits(pos: FloatArray, threshold: float, values: FloatArray, feature: Feature, sign: float) -> float:
+def usual_range(values: FloatArray) -> float:
+    """Return how far apart nine tenths of values (S,) lie, or all of them where those do not differ."""
+    return float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
+
+
+def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign: float) -> float:
     """Return how much the positives say: how narrow they are among the usual values, as a binary logarithm.
 
     Args:
         pos: (P,) values of the positives, in the direction of `sign`.
         threshold: below which they lie.
-        values: (S,) what the feature is otherwise, in the direction of `sign`.
+        usual: range of what the feature is otherwise, see `usual_range`.
         feature: how many numbers it sums up counts, too: a ball's volume falls with their count.
         sign: 1 where it lies below, -1 where it lies above.
     """
-    usual = float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
     width = threshold if isinstance(feature.term, Norm) and sign > 0 else few * (threshold - float(pos.min()))
     if usual == 0.0:

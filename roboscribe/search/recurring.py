@@ -16,7 +16,7 @@ from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
 from roboscribe.dsl.semantics import evaluate
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, enough_said, likely_chance
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import bits, bound
+from roboscribe.search.predicates import bits, bound, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT, first_true
 
@@ -102,7 +102,7 @@ def _candidate(
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
-    said = bits(kept, threshold, values.ravel(), feature, sign)
+    said = bits(kept, threshold, usual_range(values.ravel()), feature, sign)
     lengths, shown = np.maximum(1, pairs.lasts - pairs.starts)[:, None], int(late.sum())
     return Candidate(
         predicate=predicate,

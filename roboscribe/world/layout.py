@@ -84,7 +84,7 @@ class ObjectType:
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class FieldColumns:
     """Where `↓field` finds its numbers in a state.
 
     Args:
@@ -159,7 +159,7 @@ class Layout:
         places = (self.columns.get((i, attribute, goal)) for i in range(len(self.entities)))
         return np.array([-1 if place is None else place.start for place in places], dtype=np.int64)
 
-    def place(self, field: str, goal: bool = False, robot: bool = False) -> Place:
+    def place(self, field: str, goal: bool = False, robot: bool = False) -> FieldColumns:
         """Locate `↓field` for every entity (or its goal), or for the robot; remembered, as every evaluation asks.
 
         Raises:
@@ -171,10 +171,10 @@ class Layout:
         return self._places[key]
 
     @cached_property
-    def _places(self) -> dict[tuple[str, bool, bool], Place]:
+    def _places(self) -> dict[tuple[str, bool, bool], FieldColumns]:
         return {}
 
-    def _locate(self, field: str, goal: bool, objects: tuple[int, ...]) -> Place:
+    def _locate(self, field: str, goal: bool, objects: tuple[int, ...]) -> FieldColumns:
         found = {i: hit for i in objects if (hit := self.type_of(i).find(field, goal)) is not None}
         shapes = {(len(picked), attribute.unit) for attribute, picked in found.values()}
         if len(shapes) != 1:
@@ -187,7 +187,7 @@ class Layout:
         for index, (attribute, picked) in found.items():
             columns[max(index, 0)] = self.columns[index, attribute.name, goal].start + np.array(picked)
         steps = np.diff(columns[columns[:, 0] >= 0], axis=1)
-        return Place(columns, unit, bool((steps == 1).all()))
+        return FieldColumns(columns, unit, bool((steps == 1).all()))
 
     def permute(self, states: FloatArray, order: tuple[int, ...]) -> FloatArray:
         """Rename entities: entity `i` of the result is entity `order[i]` of `states` (..., F).

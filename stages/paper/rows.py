@@ -83,7 +83,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Point:
+class EvaluationPoint:
     """One evaluation.
 
     Args:
@@ -115,7 +115,7 @@ class Record:
         reason: of an end before the time.
     """
 
-    points: tuple[Point, ...]
+    points: tuple[EvaluationPoint, ...]
     profile: str
     demonstrations: str
     commit: str
@@ -137,7 +137,7 @@ def read_record(out: Path) -> Record:
         ArtifactError: it cannot be read.
     """
     value: Mapping[str, Any] = read_json(out / CELL)
-    return Record(**{**value, "points": tuple(Point(**point) for point in value["points"])})
+    return Record(**{**value, "points": tuple(EvaluationPoint(**point) for point in value["points"])})
 
 
 def rows_of(trial: Trial, record: Record) -> list[Row]:
@@ -145,7 +145,7 @@ def rows_of(trial: Trial, record: Record) -> list[Row]:
     return [_row(trial, record, point) for point in record.points]
 
 
-def _row(trial: Trial, record: Record, point: Point) -> Row:
+def _row(trial: Trial, record: Record, point: EvaluationPoint) -> Row:
     low, high = wilson(point.successes, point.episodes)
     values: Row = {
         "task": trial.task.name,

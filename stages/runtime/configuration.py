@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, Literal, NoReturn, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from roboscribe.errors import ArtifactError
+from roboscribe.errors import ArtifactError, did_you_mean
 from roboscribe.io.atomic import Json
 
 T = TypeVar("T")
@@ -94,7 +94,8 @@ def _dataclass(kind: Any, value: Mapping[str, Json], where: str) -> Any:  # noqa
     names = {field.name for field in fields(kind)}
     unknown = set(value) - names
     if unknown:
-        _refuse(where, ", ".join(sorted(unknown)), ", ".join(sorted(names)))
+        hint = did_you_mean(min(unknown), names)
+        _refuse(where, ", ".join(sorted(unknown)), f"{', '.join(sorted(names))}{hint and f'; {hint.strip()}'}")
     try:
         return kind(**{name: _decode(hints[name], item, f"{where}.{name}") for name, item in value.items()})
     except TypeError as error:

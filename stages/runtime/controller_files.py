@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,8 @@ from roboscribe.controllers import Library, Scripted, from_parts, to_parts
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import write_file
 from roboscribe.rl.skill import Skill
-from roboscribe.stages.runtime.files import read_json, write_json
+from roboscribe.runnable import Runnable
+from roboscribe.stages.runtime.files import read_json, read_program, write_json
 from roboscribe.world.task import Task
 
 DESCRIPTIONS, WEIGHTS = "controllers.json", "controllers.safetensors"
@@ -37,3 +39,19 @@ def read_library(descriptions: Path, weights: Path, task: Task) -> dict[str, Ski
         msg = f"{weights}: cannot be read as safetensors ({error})"
         raise ArtifactError(msg) from error
     return from_parts(read_json(descriptions), arrays, task, str(weights))
+
+
+def read_runnable(inputs: Mapping[str, Path], task: Task, confirm: int) -> Runnable:
+    """Read a program with its controllers and step limits, as the training stage wrote them.
+
+    Args:
+        inputs: files by name: `program`, `controllers`, `weights` and `limits`.
+        task: where it is to run.
+        confirm: consecutive steps for which a subgoal must hold to count as reached.
+
+    Raises:
+        ArtifactError: a file is damaged, or does not fit the task.
+        ProgramError: the text is no program.
+    """
+    library = read_library(inputs["controllers"], inputs["weights"], task)
+    return Runnable(read_program(inputs["program"]), library, read_json(inputs["limits"]), confirm)

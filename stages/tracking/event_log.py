@@ -291,5 +291,5 @@ def _strips_from_json(value: Mapping[str, Any]) -> Strips:
 
 
 def _spans(spans: list[list[int]]) -> Iterator[tuple[int, int, int]]:
-    for on_stage, end, count in spans:
-        yield int(on_stage), int(end), int(count)
+    for begin, end, count in spans:
+        yield int(begin), int(end), int(count)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roboscribe.io.columns import columns_of
+from roboscribe.io.tracked import tracking_uri
 from roboscribe.policy import load
 from roboscribe.world.task import Task
 
@@ -78,6 +79,13 @@ def save_model(directory: Path, target: Path) -> None:
         input_example=_example(task),
         pip_requirements=[_requirement()],
     )
+
+
+def register_run(mlruns: Path, run_id: str, name: str) -> str | None:
+    """Make the model of a run of a store a version of a registered model; see `register`."""
+    from mlflow import MlflowClient
+
+    return register(MlflowClient(tracking_uri(mlruns)), run_id, name)
 
 
 def register(client: MlflowClient, run_id: str, name: str) -> str | None:

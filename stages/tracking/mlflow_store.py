@@ -37,7 +37,7 @@ ID_TAG = "roboscribe.id"
 """Tag by which a run is found again when its id was not written down."""
 KIND_TAG, KIND = "mlflow.experimentKind", "custom_model_development"
 """Tag by which MLflow opens an experiment as one of training, not of language models."""
-NOTE_TAG = "mlflow.note.content"
+NOTE_TAG, PARENT_TAG = "mlflow.note.content", "mlflow.parentRunId"
 ENDED = ("FINISHED", "FAILED", "KILLED")
 ACTIVE = "active"
 """What MLflow says of runs and experiments that were not deleted."""
@@ -174,7 +174,7 @@ class MlflowSync:
     def _create(self, name: str, identity: str, own: Sequence[Record]) -> str:
         tags = {ID_TAG: identity}
         if name != PARENT:
-            tags["mlflow.parentRunId"] = self._run(PARENT, ())
+            tags[PARENT_TAG] = self._run(PARENT, ())
         start = min((_whole(record["time"]) for record in own), default=None)
         title = name or self._opening("title")
         return str(self.client.create_run(self._experiment, start_time=start, tags=tags, run_name=title).info.run_id)
@@ -250,6 +250,18 @@ def open_sync(directory: Path, mlruns: Path) -> MlflowSync:
 
     ensure_store(mlruns)
     return MlflowSync(directory, mlruns, MlflowClient(tracking_uri(mlruns)))
+
+
+def adopt(mlruns: Path, parent: str, children: Iterable[str]) -> None:
+    """Put runs below another one, so that MLflow shows them there; best effort, for what is shown only."""
+    from mlflow import MlflowClient
+
+    client = MlflowClient(tracking_uri(mlruns))
+    for child in children:
+        try:
+            client.set_tag(child, PARENT_TAG, parent)
+        except unreachable() as error:
+            log.warning("run %s cannot be put below %s: %s", child, parent, str(error).splitlines()[0])
 
 
 def download(run_id: str, name: str, mlruns: Path, target: Path) -> Path:

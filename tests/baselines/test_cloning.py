@@ -91,10 +91,10 @@ def test_another_run_s_checkpoint_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("clone", [clone_actions, clone_chunks])
 def test_states_only_cannot_be_cloned(clone: Callable[..., Policy]) -> None:
-    silent = [SHOWN[0], replace(SHOWN[1], actions=None)]
+    without_actions = [SHOWN[0], replace(SHOWN[1], actions=None)]
     settings = (TINY.network, TINY.cloning) if clone is clone_actions else (TINY.chunks,)
     with pytest.raises(DemonstrationError, match="demonstration 1 has none"):
-        clone(TASK, silent, *settings, Course(1))
+        clone(TASK, without_actions, *settings, Course(1))
 
 
 def test_the_learning_rate_falls_along_a_cosine() -> None:

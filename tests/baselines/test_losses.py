@@ -64,7 +64,7 @@ def test_the_task_s_reward_is_success() -> None:
 
 
 def test_temporal_ensembling() -> None:
-    """Chunks of three: the prediction of two steps ago weighs 1, the next e^-d, the present one e^-2d."""
+    """Chunks of three: the present prediction weighs 1, the one before e^-d, that of two steps ago e^-2d."""
     decay, row = 0.5, np.array([0])
     ensemble = Ensemble(1, decay)
     first, second, third, fourth = (
@@ -72,8 +72,8 @@ def test_temporal_ensembling() -> None:
     )
     w, v = math.exp(-decay), math.exp(-2 * decay)
     assert ensemble.add(row, first).item() == pytest.approx(0.0)
-    assert ensemble.add(row, second).item() == pytest.approx((1.0 + w * 10.0) / (1 + w))
-    assert ensemble.add(row, third).item() == pytest.approx((2.0 + w * 11.0 + v * 20.0) / (1 + w + v))
-    assert ensemble.add(row, fourth).item() == pytest.approx((12.0 + w * 21.0 + v * 30.0) / (1 + w + v))
+    assert ensemble.add(row, second).item() == pytest.approx((10.0 + w * 1.0) / (1 + w))
+    assert ensemble.add(row, third).item() == pytest.approx((20.0 + w * 11.0 + v * 2.0) / (1 + w + v))
+    assert ensemble.add(row, fourth).item() == pytest.approx((30.0 + w * 21.0 + v * 12.0) / (1 + w + v))
     ensemble.forget(row)
     assert ensemble.add(row, third).item() == pytest.approx(20.0)

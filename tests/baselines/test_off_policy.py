@@ -108,10 +108,10 @@ def test_a_hopeless_run_is_given_up_where_there_are_several_objects() -> None:
 
 
 def test_rlpd_needs_actions() -> None:
-    ignore_progress = [replace(shown, actions=None) for shown in REACH.demonstrate(3, 0)]
+    without_actions = [replace(shown, actions=None) for shown in REACH.demonstrate(3, 0)]
     with pytest.raises(DemonstrationError, match="rlpd learns from actions"):
-        learn_off_policy(REACH, "rlpd", ignore_progress, TINY, Course(160), judge=never)
-    learn_off_policy(REACH, "gail", ignore_progress, TINY, Course(160), judge=never)
+        learn_off_policy(REACH, "rlpd", without_actions, TINY, Course(160), judge=never)
+    learn_off_policy(REACH, "gail", without_actions, TINY, Course(160), judge=never)
 
 
 def test_a_discriminator_learns_to_tell() -> None:

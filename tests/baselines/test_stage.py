@@ -146,8 +146,8 @@ def test_what_is_tracked(tmp_path: Path, demonstrations: Path) -> None:
     """The curve, the figures and the policy stand in the journal, once, also after a second look."""
     plan = BaselinePlan("deepset", TASK, steps=320, evaluation_episodes=3, settings=TINY)
     for _ in range(2):
-        session = BaselineRun(plan, Workspace(tmp_path), "local", tmp_path / "out", track=False)
-        session.run(Callbacks(lambda label: None, lambda event: None, lambda progress: None))
+        run = BaselineRun(plan, Workspace(tmp_path), "local", tmp_path / "out", track=False)
+        run.run(Callbacks(lambda label: None, lambda event: None, lambda progress: None))
     (journal,) = (tmp_path / "data" / "runs").glob(f"*/{JOURNAL}")
     records = [record for _, record in read_records(journal)]
     curve = [(r["step"], r["value"]) for r in records if r["key"] == "curve/success"]

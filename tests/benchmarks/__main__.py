@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import runpy
 
-for name in ("bench_engine", "bench_drawer", "bench_table_top", "bench_learners", "bench_guard_search"):
+for name in (
+    "bench_engine",
+    "bench_drawer",
+    "bench_table_top",
+    "bench_learners",
+    "bench_predicate_search",
+    "bench_guard_search",
+):
     print(f"\n== {name}", flush=True)
     runpy.run_module(f"tests.benchmarks.{name}", run_name="__main__")

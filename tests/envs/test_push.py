@@ -72,5 +72,20 @@ def test_styles_that_need_fingers_are_refused() -> None:
 
 def test_the_farthest_block_is_pushed_first_in_the_confined_task() -> None:
     seen = starts("push-confined-3")
-    first = push_demonstrator.due(seen.hand, seen.blocks, seen.goals, push_demonstrator.farthest_first)
+    ranks = push_demonstrator.farthest_first(seen.blocks, seen.goals)
+    first = push_demonstrator.due(seen.hand, seen.blocks, seen.goals, ranks)
     assert (first == seen.goals[..., 0].argmax(axis=1)).all()
+
+
+def test_the_order_that_the_start_decides_is_kept_when_a_block_slips_off() -> None:
+    shown = make_task("push-3").demonstrate(20, 0)
+    states = np.stack([trajectory.states[0] for trajectory in shown])
+    seen = fetch.view(states)
+    longest = np.linalg.norm(seen.goals - seen.blocks, axis=2).argmax(axis=1)
+    moved = [displaced_first(fetch.view(trajectory.states).blocks) for trajectory in shown]
+    assert np.mean(longest == moved) >= 0.9
+
+
+def displaced_first(blocks: FloatArray) -> int:
+    """Return which of the blocks (T, N, 3) is the first that is pushed 2 cm off its place."""
+    return int((np.linalg.norm(blocks - blocks[0], axis=2) > 0.02).argmax(axis=0).argmin())

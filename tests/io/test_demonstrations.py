@@ -75,7 +75,7 @@ def test_a_file_that_another_program_rewrote_is_read_with_a_remark(tmp_path: Pat
     found = read_demonstrations(path, TASK)
     assert same(found.trajectories, trajectories)
     assert [line.split(": ", 1)[1] for line in found.report] == [
-        "not sealed, another program wrote it; only page checksums guard it",
+        "has no checksum, another program wrote it; only page checksums guard it",
         "unknown column note ignored",
     ]
 

@@ -95,7 +95,9 @@ def test_a_directory_is_loaded_as_a_name_is(tmp_path: Path) -> None:
 
 
 def test_what_is_no_program_is_told_the_shipped_names() -> None:
-    with pytest.raises(ArtifactError, match=r"expected a program's directory or a shipped program .pick-place-1"):
+    with pytest.raises(
+        ArtifactError, match=r"expected a program's directory, an MLflow run id or a shipped program .pick-place-1"
+    ):
         roboscribe.load("fetch")
 
 

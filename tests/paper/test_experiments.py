@@ -19,9 +19,9 @@ from roboscribe.errors import TaskError
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.paper import cells
 from roboscribe.pipelines.paper.cell_runner import Runner, no_callbacks
-from roboscribe.pipelines.paper.cells import CellContext, Synthesis
+from roboscribe.pipelines.paper.cells import CellContext, SynthesisCell
 from roboscribe.pipelines.paper.confined import Confinement, measure_confined
-from roboscribe.pipelines.paper.curves import draw_curves, make_table1
+from roboscribe.pipelines.paper.curves import draw_curves, make_table1, trials_of
 from roboscribe.pipelines.paper.demos import draw_demos, ways_of
 from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
 from roboscribe.pipelines.paper.methods import budget_of
@@ -73,7 +73,7 @@ def trained(home: Path) -> int:
 
 
 def test_every_program_for_the_task_is_measured(tmp_path: Path) -> None:
-    out = Synthesis(Trial(TaskConfig(ONE), profile="scripted", evaluation_episodes=10, rollout_episodes=5)).run(
+    out = SynthesisCell(Trial(TaskConfig(ONE), profile="scripted", evaluation_episodes=10, rollout_episodes=5)).run(
         CellContext(Workspace(tmp_path), track=False), no_callbacks()
     )
     record = read_record(out)
@@ -89,7 +89,7 @@ def test_every_program_for_the_task_is_measured(tmp_path: Path) -> None:
 
 def test_a_cell_without_a_program_says_so(tmp_path: Path) -> None:
     trial = Trial(TaskConfig(ONE), profile="scripted", seed=7, evaluation_episodes=10)
-    record = read_record(Synthesis(trial).run(CellContext(Workspace(tmp_path), track=False), no_callbacks()))
+    record = read_record(SynthesisCell(trial).run(CellContext(Workspace(tmp_path), track=False), no_callbacks()))
     assert record.ended == "no program"
     assert record.refinements is None
     assert record.points[-1].successes == 0
@@ -168,7 +168,7 @@ def killed(home: Path, label: str) -> None:
 
     def work() -> None:
         seen: list[str] = []
-        on_stage = Callbacks.__init__
+        original = Callbacks.__init__
 
         def listening(self: Callbacks, told: Callable[[str], None], *others: object) -> None:
             def hear(stage: str) -> None:
@@ -177,7 +177,7 @@ def killed(home: Path, label: str) -> None:
                     os.kill(os.getpid(), signal.SIGKILL)
                 told(stage)
 
-            on_stage(self, hear, *others)  # type: ignore[arg-type]  # the other two ears
+            original(self, hear, *others)  # type: ignore[arg-type]  # the other two callbacks
 
         Callbacks.__init__ = listening  # type: ignore[method-assign]  # in this process only, which dies
         conduct(draw_curves, SMALL, home)
@@ -213,6 +213,17 @@ def test_budgets() -> None:
     assert [budget_of(method, "push-3", quick) for method in (OURS, "bc", "gail")] == [100_000, 5_000, 100_000]
     with pytest.raises(TaskError, match="--budget some: expected default, paper or a number"):
         Options(budget="some")
+
+
+def test_quick_runs_in_the_plane_take_the_controllers_of_the_task() -> None:
+    both = ("pick-place-1", ONE)
+    quick, usual = (trials_of(Options(seeds=1, quick=quick), both, (OURS, "bc")) for quick in (True, False))
+    assert [(trial.task.name, trial.profile) for trial in quick] == [
+        ("pick-place-1", "actions"), ("pick-place-1", ""), (ONE, "scripted"), (ONE, ""),
+    ]  # fmt: skip
+    assert [trial.profile for trial in usual] == ["actions", "states", ""] * 2
+    asked = Options(seeds=1, quick=True, profiles=("states",))
+    assert [trial.profile for trial in trials_of(asked, (ONE,), (OURS,))] == ["states"]
 
 
 def test_quick_runs_say_that_they_are_no_result(tmp_path: Path) -> None:
@@ -256,3 +267,10 @@ def test_a_synthesis_without_a_program_ends_with_3(
     said = capsys.readouterr().out
     assert f"FAIL: roboscribe {ONE} scripted seed 0: " in said
     assert f"| {ONE} | roboscribe, scripted | 0 | - | no program | - |  |" in said
+
+
+def test_refinements_are_counted_per_synthesis(tmp_path: Path) -> None:
+    said = io.StringIO()
+    draw_curves(SMALL, context(tmp_path), Console(file=said, width=200))
+    assert said.getvalue().count("refinement 1:") == 2
+    assert "refinement 3:" not in said.getvalue()

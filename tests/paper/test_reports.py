@@ -17,7 +17,7 @@ from roboscribe.stages.paper.rows import (
     COLUMNS,
     GIVEN_UP,
     NO_PROGRAM,
-    Point,
+    EvaluationPoint,
     Record,
     Trial,
     rows_of,
@@ -35,8 +35,8 @@ ONE = "pick-place-1"
 
 def record(rates: list[tuple[int, int]], last: int, *, ended: str = "", refinements: int | None = 2) -> Record:
     """Say that evaluations of 100 episodes found so many successes, and the last one of 500."""
-    way = tuple(Point(steps, count, 100, 1.0) for steps, count in rates)
-    end = Point(rates[-1][0] + 50 if rates else 0, last, 500, 2.0, final=True)
+    way = tuple(EvaluationPoint(steps, count, 100, 1.0) for steps, count in rates)
+    end = EvaluationPoint(rates[-1][0] + 50 if rates else 0, last, 500, 2.0, final=True)
     return Record((*way, end), "actions", "ab" * 32, "c0", refinements, ended, "why" if ended == NO_PROGRAM else "")
 
 

@@ -149,6 +149,7 @@ def test_a_manifest_says_how_the_program_was_made(tmp_path: Path, monkeypatch: p
     assert isinstance(result, Mapping)
     manifest = load_program(tmp_path / "program").manifest
     asked = "roboscribe synthesize point-pick-place-1 --seed 0 --profile scripted --episodes 40"
+    asked += " --set n_demonstrations=12 --set rollout_episodes=20 --set video=false"
     assert (manifest["command"], manifest["commit"]) == (asked, "c0ffee")
     assert manifest["env_steps"] == result["env_steps"]
 

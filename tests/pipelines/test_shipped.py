@@ -12,8 +12,8 @@ from roboscribe.stages.evaluate import Config
 NAMES = shipped_names()
 
 
-def test_loops_and_another_robot_are_shipped() -> None:
-    assert {"pick-place-4", "table-top", "tower-4", "tower-5"} <= set(NAMES)
+def test_loops_conditions_and_another_robot_are_shipped() -> None:
+    assert {"pick-place-4", "pick-place-cond", "table-top", "tower-4", "tower-5"} <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -35,14 +35,14 @@ def start(
 ) -> BaseProcess:
     """Run a plan in a process of its own, which gets a signal right before it creates or renames a `fatal` file."""
 
-    def on_progress(event: str, arguments: tuple[object, ...]) -> None:
+    def watch(event: str, arguments: tuple[object, ...]) -> None:
         creates = event == "open" and isinstance(arguments[2], int) and arguments[2] & os.O_CREAT
         path = str(arguments[0])
         if (creates or event == "os.rename") and path.startswith(str(home)) and fatal(path):
             os.kill(os.getpid(), sent)
 
     def work() -> None:
-        sys.addaudithook(on_progress)
+        sys.addaudithook(watch)
         run(plan, home)
 
     process = FORK.Process(target=work)

@@ -82,7 +82,7 @@ def test_clones_demonstrations_without_actions(stored: bool) -> None:
     )
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout())
     fresh = Skill("hold", spec.fitted(layout(), frames.states, frames.entities), (), layout())
-    found = clone_states([fresh], frames, training, SPEC, evaluator, config, 0)
+    found = clone_states(fresh, frames, training, SPEC, evaluator, config, 0)
     assert found is not None
     skill, rate = found
     assert rate >= 0.8

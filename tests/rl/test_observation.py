@@ -4,21 +4,12 @@ import json
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
-from roboscribe.rl.observation import (
-    CROWD_REACH,
-    FINE_CLIP,
-    TURNED_SCALES,
-    Encoder,
-    ObservationSpec,
-    Part,
-    observation_spec,
-)
+from roboscribe.rl.observation import FINE_CLIP, TURNED_SCALES, Encoder, ObservationSpec, Part, observation_spec
 from roboscribe.world import Attribute, Layout, ObjectType
-from roboscribe.world.layout import ROBOT, FloatArray
+from roboscribe.world.layout import ROBOT
 from tests.rl.carry_world import PROGRAM, layout
 
 HOLD, AT = controllers(PROGRAM)
@@ -172,44 +163,3 @@ def test_damaged_json_is_refused(damage: dict[str, object]) -> None:
 def test_missing_field_is_refused() -> None:
     with pytest.raises(ArtifactError, match="types"):
         ObservationSpec.from_json({})
-
-
-def crowded(blocks: int, states: FloatArray, served: int) -> NDArray[np.float32]:
-    """Return what is felt of other blocks beside what is seen without, by a controller that lets a block rest."""
-    plain, felt = (observation_spec(HOLD, {"b": "block"}, layout(blocks), others=others) for others in (False, True))
-    bound = np.full((len(states), 1), served)
-    one, more = (Encoder(spec.fitted(layout(blocks), states, bound), layout(blocks)) for spec in (plain, felt))
-    np.testing.assert_array_equal(more(states, bound)[:, : one.size], one(states, bound))
-    assert more.size == more(states, bound).shape[1]
-    return more(states, bound)[:, one.size :]
-
-
-def near(*others: tuple[float, float]) -> FloatArray:
-    """Place a hand in the middle of a block that is served, and other blocks, which all have their goals there, too."""
-    blocks = [[0.0, 0.0], *([x, y] for x, y in others)]
-    return np.array([[0.0, 0.0, *(number for block in blocks for number in (*block, 0.0, 0.0))]])
-
-
-def test_others_are_felt_towards_where_they_are_the_more_the_closer_they_are() -> None:
-    far, close = (crowded(2, near((0.0, y)), 0)[0] for y in (0.09, 0.03))
-    sideways, ahead = far[:2], close[:2]
-    assert sideways[0] == ahead[0] == 0.0
-    assert ahead[1] > sideways[1] > 0.0
-    assert sideways[1] == pytest.approx(FINE_CLIP * (1 - 0.09 / CROWD_REACH[0]))
-
-
-def test_whoever_is_out_of_reach_counts_as_nobody() -> None:
-    assert not crowded(2, near((0.3, 0.3)), 0).any()
-    assert not crowded(1, near(), 0).any()
-
-
-def test_it_does_not_matter_who_is_close_by_nor_how_many_are_far() -> None:
-    one, two = crowded(3, near((0.05, 0.02), (5.0, 5.0)), 0), crowded(3, near((5.0, 5.0), (0.05, 0.02)), 0)
-    np.testing.assert_array_equal(one, two)
-    np.testing.assert_array_equal(one, crowded(2, near((0.05, 0.02)), 0))
-
-
-def test_what_is_felt_survives_being_written() -> None:
-    spec = observation_spec(AT, {"b": "block"}, layout(2), others=True)
-    spec = spec.fitted(layout(2), STATE, np.array([[0]]))
-    assert ObservationSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec

@@ -110,8 +110,8 @@ def guarded() -> Subtask:
 def test_what_the_loop_has_achieved_must_stay() -> None:
     subtask = guarded()
     none = np.zeros((1, 1), np.int64)
-    np.testing.assert_array_equal(subtask.standing(SERVED, none), [[False, True]])
-    np.testing.assert_array_equal(subtask.standing(SERVED, none + 1), [[False, False]], "its own entity may move")
+    np.testing.assert_array_equal(subtask.protected(SERVED, none), [[False, True]])
+    np.testing.assert_array_equal(subtask.protected(SERVED, none + 1), [[False, False]], "its own entity may move")
     made = SkillEnv(subtask, pool(SERVED), 1, GAMMA, np.random.default_rng(0))
     made.restart()
     outcomes = [made.step(np.array([[1.0, 0.0]])) for _ in range(3)]

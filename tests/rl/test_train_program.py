@@ -108,6 +108,14 @@ def test_a_subgoals_program_that_is_trained_again_improves_what_it_knows(trained
     assert report.success >= report.warm_success >= 0.5
 
 
+@pytest.mark.parametrize(("solve", "turns"), [(False, 1), (True, 2)])
+def test_a_loop_whose_clones_mostly_fail_is_not_trained_together_for_a_subgoal(solve: bool, turns: int) -> None:
+    """What is good enough is set so high that every clone mostly fails: a subgoal is missing, more steps are wasted."""
+    demanding = replace(QUICK, worth_improving=1.1, learning=0.0, budget=4000)
+    result = train_program(TASK, LOOP, SHOWN, {}, demanding, 0, solve=solve)
+    assert [report.controller for report in result.reports] == ["hold", "at"] * turns
+
+
 def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
     (report,) = train_program(TASK, BLIND, SHOWN, {}, QUICK, 0).reports
     assert report.learner in {"initial", "ppo"}

@@ -57,10 +57,16 @@ def test_each_figure_alone_decides_between_equals(worse: dict[str, float]) -> No
 
 
 def test_the_order_of_preference_is_lexicographic() -> None:
-    late = replace(BASE, first=0.99, size=40, accepted=0.09)
+    late = replace(BASE, first=0.99, size=40, accepted=0.04)
     assert late.rank < replace(BASE, advances=False).rank
     assert late.rank < replace(BASE, standing=1).rank
     assert replace(BASE, standing=2, initial=0.2).rank < replace(BASE, kept=0.4).rank
+
+
+def test_what_tells_failures_clearly_comes_before_what_is_about_the_goals_entities_and_does_not() -> None:
+    elsewhere = replace(BASE, relevant=False)
+    assert elsewhere.rank < replace(BASE, accepted=0.13).rank
+    assert replace(BASE, accepted=0.04).rank < elsewhere.rank
 
 
 def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete() -> None:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from typing import Any
 
 from roboscribe.envs.suite.library import robosuite
-from roboscribe.errors import TaskError
+from roboscribe.errors import TaskError, did_you_mean
 
 HELD = "HELD"
 """Control of the hand's place with its direction held as it starts: 3 displacements and the fingers."""
@@ -115,9 +114,7 @@ def check(request: SuiteRequest) -> None:
 
 
 def _unknown(what: str, name: str, known: list[str]) -> None:
-    near = get_close_matches(name, known, n=1)
-    hint = f"did you mean {near[0]}? " if near else ""
-    msg = f"robosuite has no {what} {name!r}: {hint}expected one of {', '.join(known)}"
+    msg = f"robosuite has no {what} {name!r}: {did_you_mean(name, known)}expected one of {', '.join(known)}"
     raise TaskError(msg)
 
 
