@@ -13,7 +13,15 @@ NAMES = shipped_names()
 
 
 def test_loops_conditions_and_another_robot_are_shipped() -> None:
-    assert {"pick-place-4", "pick-place-cond", "push-3", "table-top", "tower-4", "tower-5"} <= set(NAMES)
+    assert {
+        "pick-place-4",
+        "pick-place-cond",
+        "place-cubes-drawer-3",
+        "push-3",
+        "table-top",
+        "tower-4",
+        "tower-5",
+    } <= set(NAMES)
 
 
 @pytest.mark.parametrize("name", NAMES)
