@@ -43,7 +43,7 @@ class Script:
         share: the share (R,) of the noise that is applied in states (R, F).
         look: how performers read a state (F,).
         styles: in which it can be given.
-        plan: what the first states (R, F) of episodes decide for all of them.
+        plan: what the first states (R, F) of episodes decide for the whole of each.
     """
 
     command: Callable[..., FloatArray]
@@ -54,16 +54,19 @@ class Script:
     styles: tuple[str, ...] = tuple(STYLES)
     plan: Callable[[FloatArray], FloatArray] | None = None
 
-    def commands(self, states: FloatArray, starts: FloatArray, above: BoolArray) -> FloatArray:
-        """Decide the noiseless action (R, 4) in states (R, F) of episodes that began in `starts` (R, F).
+    def commands(self, states: FloatArray, plans: tuple[FloatArray, ...], above: BoolArray) -> FloatArray:
+        """Decide the noiseless action (R, 4) in states (R, F), given the `plans` of their episodes, see `planned`.
 
         It comes from well above in those rows (R,) where asked to.
         """
-        plans = () if self.plan is None else (self.plan(starts),)
         actions = self.command(states, *plans)
         if above.any():
             actions[above] = self.above(states[above], *(plan[above] for plan in plans))
         return actions
+
+    def planned(self, starts: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the plan of episodes that begin in `starts` (R, F); nothing where the script makes none."""
+        return () if self.plan is None else (self.plan(starts),)
 
 
 class ScriptedTask(Task):
@@ -224,14 +227,15 @@ def run(task: ScriptedTask, world: World, wave: Sequence[DemonstrationAttempt]) 
     script, rows = task.script, np.arange(len(wave))
     states = world.reset(rows, np.array([episode.seed for episode in wave], dtype=np.int64))
     _record(task, world, rows, states, wave)
+    plans = script.planned(states)
     while True:
         running = ~world.diverged(rows) & np.array([not wave[row].over(task.horizon) for row in rows])
         rows, states = rows[running], states[running]
         if len(rows) == 0:
             return
         above = np.array([wave[row].performer.style.above for row in rows])
-        starts = np.array([wave[row].states[0] for row in rows])
-        scripted = zip(rows, script.commands(states, starts, above), script.share(states), strict=True)
+        commands = script.commands(states, tuple(plan[rows] for plan in plans), above)
+        scripted = zip(rows, commands, script.share(states), strict=True)
         actions = np.array([wave[row].act(action, script.spread, share) for row, action, share in scripted])
         states = world.step(rows, actions)
         for row, action in zip(rows, actions, strict=True):

@@ -20,6 +20,8 @@ from roboscribe.io.schema import schema_of as columns_with
 from roboscribe.io.validation import check_trajectory
 from roboscribe.world import Layout, Task, Trajectory
 
+LONGEST_REASON = 200
+"""Characters of a library's reason that are told."""
 UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
 """What pyarrow raises on bytes that are no Parquet."""
 _MOST_ROWS = 50_000_000
@@ -203,10 +205,10 @@ def tables_by_episode(tables: Iterable[pa.Table], key: str, source: str) -> Iter
         yield present, pa.concat_tables(held)
 
 
-def damaged(source: str, error: BaseException) -> DemonstrationError:
-    """Say that a file cannot be read as Parquet."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return DemonstrationError(f"{source}: damaged, or not Parquet ({reason}); nothing of it was used")
+def damaged(source: str, error: BaseException, otherwise: str = "not Parquet") -> DemonstrationError:
+    """Say that a file cannot be read: it is damaged, or `otherwise`."""
+    reason = (str(error).splitlines() or [type(error).__name__])[0][:LONGEST_REASON]
+    return DemonstrationError(f"{source}: damaged, or {otherwise} ({reason}); nothing of it was used")
 
 
 def _schema(header: Header) -> pa.Schema:

@@ -120,7 +120,7 @@ class Candidate:
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
-        informative: whether φ says enough, see `enough_said`, and not by chance, see `likely_chance`.
+        informative: whether φ says enough, and not by chance, see the function of that name.
     """
 
     predicate: Predicate
@@ -192,6 +192,11 @@ class Candidate:
         What `levels` says; then it is reached early, is small, says much and accepts fewer still; has a wide margin.
         """
         return (*self.levels, self.cost, -self.margin, str(self.predicate))
+
+
+def informative(bits: float, accepted: BoolArray, crossings: int, choices: int, atoms: int = 1) -> bool:
+    """Tell whether a predicate says enough, and not by chance; arguments as below."""
+    return enough_said(bits, crossings, choices) and not likely_chance(accepted, crossings, choices, atoms)
 
 
 def enough_said(bits: float, crossings: int, choices: int) -> bool:
@@ -269,8 +274,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),
         bits=it.bits,
-        informative=enough_said(it.bits, len(samples.starts), samples.choices)
-        and not likely_chance(it.on_negatives, len(samples.starts), samples.choices, len(it.features)),
+        informative=informative(it.bits, it.on_negatives, len(samples.starts), samples.choices, len(it.features)),
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         standing=int(bool(samples.anchors) and any(uses_robot(f.term) for f in it.features)),

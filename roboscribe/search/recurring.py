@@ -14,7 +14,7 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
 from roboscribe.dsl.semantics import evaluate
-from roboscribe.search.candidates import MOST_INITIAL, Candidate, enough_said, likely_chance
+from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative
 from roboscribe.search.features import Feature
 from roboscribe.search.predicates import bits, bound, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
@@ -103,7 +103,7 @@ def _candidate(
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
     said = bits(kept, threshold, usual_range(values.ravel()), feature, sign)
-    lengths, shown = np.maximum(1, pairs.lasts - pairs.starts)[:, None], int(late.sum())
+    lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
         predicate=predicate,
         accepted=float(np.mean(worst < threshold)) if worst.size else 0.0,
@@ -120,8 +120,7 @@ def _candidate(
         size=size(predicate),
         family=feature.family,
         each=True,
-        informative=enough_said(said, shown, len(features))
-        and not likely_chance(worst < threshold, shown, len(features)),
+        informative=informative(said, worst < threshold, int(late.sum()), len(features)),
     )
 
 

@@ -19,7 +19,7 @@ from pyarrow import csv
 
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.atomic import replacing
-from roboscribe.io.episodes import UNREADABLE
+from roboscribe.io.episodes import UNREADABLE, damaged
 from roboscribe.io.formats.foreign import (
     ACTION,
     SNAPSHOT,
@@ -66,7 +66,7 @@ class _Table:
             )  # fmt: skip
         except pa.ArrowInvalid as error:
             _locate(self._path, columns, self._episode)
-            raise _unreadable(self._path, error) from error
+            raise damaged(str(self._path), error, "no comma-separated values") from error
 
 
 @contextmanager
@@ -89,7 +89,7 @@ def open_csv(path: Path, episode: str | None = None) -> Iterator[Source]:
         lengths = lengths_in(tables, chosen, str(path)) if chosen else (sum(len(table) for table in tables),)
         frequency = _frequency(path, lengths[0]) if kinds.get(TIME) and lengths else None
     except UNREADABLE as error:
-        raise _unreadable(path, error) from error
+        raise damaged(str(path), error, "no comma-separated values") from error
     yield _Table(Contents(fields, lengths, frequency), path, tuple(kinds), chosen)
 
 
@@ -150,7 +150,7 @@ def _kinds(path: Path) -> dict[str, bool]:
             schema = reader.schema
         names = schema.names
     except UNREADABLE as error:
-        raise _unreadable(path, error) from error
+        raise damaged(str(path), error, "no comma-separated values") from error
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         msg = f"{path}: column {', '.join(repeated)} stands more than once in the first row, expected once"
@@ -206,12 +206,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _unreadable(path: Path, error: BaseException) -> DemonstrationError:
-    """Say that a file cannot be read."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return DemonstrationError(f"{path}: damaged, or no comma-separated values ({reason[:200]}); nothing of it was used")
 
 
 FORMAT = Format(

@@ -6,7 +6,7 @@ the library would give zeros for it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import prod
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from roboscribe.errors import DemonstrationError
+from roboscribe.io.episodes import damaged
 from roboscribe.io.formats.foreign import MOST_NUMBERS
 from roboscribe.world.layout import FloatArray
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 _UNREADABLE = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError, MemoryError)
 """What h5py raises on bytes that are no HDF5."""
+_MOST_DIGITS = 8
+"""Digits of a group's number, at most."""
 _DEEPEST = 8
 """Groups within groups that are looked into."""
 
@@ -69,6 +72,13 @@ def groups(parent: h5py.Group, where: str) -> dict[str, h5py.Group]:
     import h5py
 
     return {name: item for name, item in _children(parent, where).items() if isinstance(item, h5py.Group)}
+
+
+def numbered(names: Iterable[str], prefix: str) -> list[str]:
+    """List the names that are a prefix and a number, in the order of the numbers."""
+    digits = {name: name.removeprefix(prefix) for name in names if name.startswith(prefix)}
+    numbers = {name: int(text) for name, text in digits.items() if text.isdecimal() and len(text) <= _MOST_DIGITS}
+    return sorted(numbers, key=lambda name: numbers[name])
 
 
 def child(parent: h5py.Group, name: str, where: str) -> h5py.Group:
@@ -164,6 +174,4 @@ def _guarded(where: str) -> Iterator[None]:
     try:
         yield
     except _UNREADABLE as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        msg = f"{where}: damaged, or not what was expected ({reason}); nothing of it was used"
-        raise DemonstrationError(msg) from error
+        raise damaged(where, error, "not what was expected") from error

@@ -95,7 +95,7 @@ def open_minari(path: Path, episode: str | None = None) -> Iterator[Source]:
     metadata = _metadata(root)
     with hdf5.opened(root / _DATA) as file:
         found = hdf5.groups(file, str(root / _DATA))
-        names = sorted((name for name in found if _number(name) is not None), key=lambda name: _number(name) or 0)
+        names = hdf5.numbered(found, _EPISODE)
         episodes = tuple(_episode(found[name], number, root / _DATA) for number, name in enumerate(names))
         if not episodes or len(episodes) != metadata.get("total_episodes"):
             msg = f"{root}: found {len(episodes)} episodes, {_METADATA} says {metadata.get('total_episodes')}"
@@ -174,12 +174,6 @@ def _metadata(root: Path) -> dict[str, Json]:
         msg = f"{place}: data_format: found {stored}, expected hdf5"
         raise DemonstrationError(msg)
     return metadata
-
-
-def _number(name: str) -> int | None:
-    """Return the number of an episode's group."""
-    digits = name.removeprefix(_EPISODE)
-    return int(digits) if name.startswith(_EPISODE) and digits.isdecimal() and len(digits) < 9 else None
 
 
 def _episode(group: h5py.Group, number: int, path: Path) -> _Episode:

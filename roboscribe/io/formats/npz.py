@@ -21,6 +21,7 @@ import numpy as np
 
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.atomic import replacing
+from roboscribe.io.episodes import damaged
 from roboscribe.io.formats.csv_file import episode_column
 from roboscribe.io.formats.foreign import (
     ACTION,
@@ -155,7 +156,7 @@ def _headers(path: Path) -> dict[str, _Header]:
             members = [info for info in archive.infolist() if info.filename.endswith(_SUFFIX)]
             found = {info.filename.removesuffix(_SUFFIX): _header(archive, info) for info in members}
     except _UNREADABLE as error:
-        raise _unreadable(path, error) from error
+        raise damaged(str(path), error, "no archive of arrays") from error
     if len(found) != len(members):
         msg = f"{path}: an array stands in it twice"
         raise DemonstrationError(msg)
@@ -201,7 +202,7 @@ def _read(path: Path, name: str, header: _Header) -> FloatArray:
         shaped = values.reshape(header.shape, order="F" if header.fortran else "C")
         return np.asarray(shaped, dtype=np.float64)
     except _UNREADABLE as error:
-        raise _unreadable(path, error) from error
+        raise damaged(str(path), error, "no archive of arrays") from error
 
 
 def _by_number(path: Path, name: str, header: _Header) -> tuple[tuple[slice, ...], tuple[int, ...]]:
@@ -243,12 +244,6 @@ def _is_column(name: str, header: _Header, shape: tuple[int, ...]) -> bool:
 def _as_rows(values: FloatArray, axes: int) -> FloatArray:
     """Return one episode's values as rows (n, w)."""
     return values[:, None] if axes == 1 else values
-
-
-def _unreadable(path: Path, error: BaseException) -> DemonstrationError:
-    """Say that a file cannot be read."""
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    return DemonstrationError(f"{path}: damaged, or no archive of arrays ({reason[:200]}); nothing of it was used")
 
 
 FORMAT = Format(

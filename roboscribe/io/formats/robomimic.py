@@ -88,7 +88,7 @@ def open_robomimic(path: Path, episode: str | None = None) -> Iterator[Source]:
     with hdf5.opened(path) as file:
         data = hdf5.child(file, "data", str(path))
         found = hdf5.groups(data, f"{path}: data")
-        names = sorted((name for name in found if _number(name) is not None), key=lambda name: _number(name) or 0)
+        names = hdf5.numbered(found, _PREFIX)
         demos = tuple(_demo(found[name], number, name, path) for number, name in enumerate(names))
         if not demos:
             msg = f"{path}: data: no group {_PREFIX}0, expected a group for each demonstration"
@@ -131,12 +131,6 @@ def _write_demo(group: h5py.Group, trajectory: Trajectory, shown: Shown) -> None
     hdf5.store(group, "states", states)
     if trajectory.snapshots is not None:
         hdf5.store(group, _FINAL, trajectory.snapshots[-1:])
-
-
-def _number(name: str) -> int | None:
-    """Return the number of a demonstration's group."""
-    digits = name.removeprefix(_PREFIX)
-    return int(digits) if name.startswith(_PREFIX) and digits.isdecimal() and len(digits) < 9 else None
 
 
 def _demo(group: h5py.Group, number: int, name: str, path: Path) -> _Demo:
