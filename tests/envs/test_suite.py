@@ -8,6 +8,8 @@ import pytest
 from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.drawer import geometry, moves
 from roboscribe.envs.drawer.world import DrawerWorld
+from roboscribe.envs.suite.bench import bench
+from roboscribe.envs.suite.request import parse
 from roboscribe.envs.suite.world import SuiteWorld
 from roboscribe.envs.tasks.robosuite import SuiteTask
 from roboscribe.errors import TaskError
@@ -40,6 +42,27 @@ def test_a_seed_decides_the_start_and_a_snapshot_the_rest(task: Task) -> None:
     assert (np.array(again) == np.array(rest)).all()
     assert not world.diverged(PAIR).any()
     assert world.control_steps == 8
+
+
+@pytest.mark.parametrize("name", ["Stack", "Door", "PlaceCubesDrawer", "Lift,robot=Sawyer,controller=OSC_POSE"])
+def test_short_steps_are_those_of_robosuite(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = bench(parse(name))
+    start, _ = one.reset(3)
+    actions = np.random.default_rng(0).uniform(-1, 1, size=(4, one.action_size))
+    assert one._substeps is not None
+    ends = []
+    for short in (one._substeps, None):
+        monkeypatch.setattr(one, "_substeps", short)
+        snapshot = start
+        for action in actions:
+            snapshot, state, good = one.step(snapshot, action)
+            assert good
+        ends.append(np.concatenate([snapshot, state]))
+    assert (ends[0] == ends[1]).all()
+
+
+def test_controllers_that_work_otherwise_keep_robosuites_own_steps() -> None:
+    assert bench(parse("Lift,controller=JOINT_POSITION"))._substeps is None
 
 
 def test_no_predicate_speaks_of_success() -> None:
