@@ -39,6 +39,9 @@ FEW = 0.02
 """Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
 LEAST_SLACK = 0.001
 """The same in spreads, where all positives are alike."""
+ALIKE, STOP = 1 / 1000, 1 / 16
+"""Positives within the first share of the usual range stand at a stop; there slack is the second share of that range:
+they say where what moved was stopped, and nothing of how far short of there would do."""
 DIGITS = (3, 4, 5, 6)
 """Significant digits that a threshold may have."""
 HOPELESS = 0.5
@@ -163,16 +166,16 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    threshold, gap = bound(pos, neg, spread, before)
+    usual = usual_range(np.concatenate([pos, neg, values.frames]))
+    threshold, gap = bound(pos, neg, spread, usual, before)
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    usual = usual_range(np.concatenate([pos, neg, values.frames]))
     said = bits(pos, threshold, usual, feature, sign)
     if np.mean(values.lasts < threshold) >= AGREEMENT:
         settled = np.minimum(pos, values.lasts)
-        said = max(said, bits(settled, bound(settled, neg, spread)[0], usual, feature, sign))
+        said = max(said, bits(settled, bound(settled, neg, spread, usual)[0], usual, feature, sign))
     return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
 
@@ -198,19 +201,25 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
     return float(feature.detail * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
 
 
-def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None) -> tuple[float, float]:
+def bound(
+    pos: FloatArray, neg: FloatArray, spread: float, usual: float, before: FloatArray | None = None
+) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
     Args:
         pos: (P,) values to lie below.
         neg: (M,) values that had better not.
         spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
+        usual: range of what the feature is otherwise, see `usual_range`.
         before: (P,) values right before the goal; those beyond the positives show that the goal is what sets them.
     """
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
-    slack = max(max(SLACK, UNSEEN / len(pos)) * (extreme - float(pos.min())), LEAST_SLACK * spread)
+    width = extreme - float(pos.min())
+    slack = max(
+        max(SLACK, UNSEEN / len(pos)) * width, LEAST_SLACK * spread, STOP * usual if width < ALIKE * usual else 0
+    )
     for values in (neg, pos if before is None else before):
         near = values[values > extreme]
         if near.size and np.mean((values > extreme) & (values < extreme + slack)) > FEW:
