@@ -35,7 +35,7 @@ class Machine:
         batch: B, count of rows.
         limits: step limit by controller; a controller without one has all the time it wants.
         confirm: consecutive observed states in which `until` must hold to count as reached.
-        rng: draws among the answers of get; None takes the lowest entity index.
+        rng: draws among the answers of get that were served least often; None takes the lowest index of them.
         prefers: how much entities are preferred where get has several answers; None leaves it to `rng`, among those
             that were served least often.
         solved: answers ψ_R, where the program mentions it.
