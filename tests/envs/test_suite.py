@@ -9,6 +9,7 @@ from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.drawer import geometry, moves
 from roboscribe.envs.drawer.world import DrawerWorld
 from roboscribe.envs.suite.bench import bench
+from roboscribe.envs.suite.moves import BLOCK, HAND, OPENING, YAW, lift
 from roboscribe.envs.suite.request import parse
 from roboscribe.envs.suite.world import SuiteWorld
 from roboscribe.envs.tasks.robosuite import SuiteTask
@@ -88,6 +89,14 @@ def test_scripts_solve_lift_and_stack(name: str, seed: int) -> None:
     task = make_task(f"robosuite:{name}")
     found = task.demonstrate(2, seed)
     assert all(task.solved(trajectory.states)[-1] for trajectory in found)
+
+
+@pytest.mark.parametrize(("yaw", "gap", "lifts"), [(0.0, 0.043, True), (0.0, 0.057, False), (np.pi / 4, 0.057, True)])
+def test_fingers_that_hold_a_block_across_its_edges_hold_it(yaw: float, gap: float, lifts: bool) -> None:
+    state = np.zeros((1, 14))
+    state[:, HAND] = state[:, BLOCK] = (0.0, 0.0, 0.83)
+    state[:, OPENING], state[:, YAW] = gap, yaw
+    assert bool(lift(state)[0, 2] > 0.5) is lifts
 
 
 def test_the_drawer_begins_as_the_batched_one_and_moves_alike() -> None:
