@@ -54,7 +54,7 @@ def test_onnx_files_give_the_actions_of_the_controllers(name: str, tmp_path: Pat
         model = onnx.load(path)
         onnx.checker.check_model(model, full_check=True)
         (action,) = ReferenceEvaluator(model).run(None, seen(policy, path.stem, states, entities))
-        np.testing.assert_allclose(action, skill.act(states, entities), atol=CLOSE)
+        np.testing.assert_allclose(np.asarray(action), skill.act(states, entities), atol=CLOSE)
 
 
 def test_a_program_with_onnx_files_beside_it_loads(tmp_path: Path) -> None:
