@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import conjuncts, walk
@@ -66,7 +68,7 @@ P, OPENING, Q = 1, 0, 2
 """Columns of the states."""
 
 
-def two_stages(rng: np.random.Generator, column: int, accidents: int = 0) -> tuple[np.ndarray, ...]:
+def two_stages(rng: np.random.Generator, column: int, accidents: int = 0) -> tuple[NDArray[Any], ...]:
     """Draw 20 demonstrations in which first p < 0.1 comes true and stays so, then the number in `column` < 0.1.
 
     In the first `accidents` of them the latter holds in a frame before p < 0.1 does, too.
