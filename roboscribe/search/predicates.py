@@ -205,7 +205,9 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
         sign: 1 where it lies below, -1 where it lies above.
     """
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
-    width = threshold if isinstance(feature.term, Norm) and sign > 0 else few * (threshold - far_side(pos))
+    # The slack that we add to a threshold is not what the positives say; a ball is what it is said to be.
+    ball = isinstance(feature.term, Norm) and sign > 0
+    width = threshold if ball else few * (float(pos.max()) - far_side(pos))
     if usual == 0.0:
         return 0.0
     return float(feature.detail * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
