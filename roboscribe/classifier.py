@@ -243,8 +243,8 @@ def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> It
             yield from recurring_candidates(features, pairs)
 
 
-def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> frozenset[str]:
-    """Families of what nodes compare already, of one entity or of all of its type."""
+def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> dict[str, int]:
+    """Say what nodes compare already, of one entity or of all of its type, see `is_copy`."""
     terms = {part for node in nodes for part in walk(node.predicate)}
     role = {kind: name for name, kind in reversed(list(evidence.types.items()))}
 
@@ -255,4 +255,8 @@ def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evid
             else rename(feature.term, {feature.over[0].name: role[feature.over[1]]})
         )
 
-    return frozenset(f.family for f in features if f.term in terms or plain(f) in terms)
+    known: dict[str, int] = {}
+    for feature in features:
+        if feature.term in terms or plain(feature) in terms:
+            known[feature.family] = max(feature.detail, known.get(feature.family, 0))
+    return known

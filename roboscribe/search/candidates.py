@@ -76,7 +76,7 @@ class Samples:
         starts: (C,), where each crossing begins in `frames`.
         choices: how many expressions were on offer.
         steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
-        known: what the goal and the subgoals before it compare already, as `Feature.family`.
+        known: what the goal and the subgoals before it compare already, see `is_copy`.
         goal_entities: entities that the goal mentions by name.
         root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
@@ -91,7 +91,7 @@ class Samples:
     starts: IntArray
     choices: int = 2
     steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
-    known: frozenset[str] = frozenset()
+    known: Mapping[str, int] = field(default_factory=dict)
     goal_entities: frozenset[str] = frozenset()
     root: bool = True
     anchors: tuple[Anchor, ...] = ()
@@ -223,6 +223,17 @@ def likely_chance(accepted: BoolArray, crossings: int, choices: int, atoms: int 
     return bool(atoms * np.log2(2 * choices) + crossings * np.log2(share) > np.log2(CHANCE))
 
 
+def is_copy(feature: Feature, known: Mapping[str, int]) -> bool:
+    """Tell whether what a feature looks at is compared already, by as many numbers.
+
+    Args:
+        feature: α.
+        known: greatest `Feature.detail` of each `Feature.family` that is compared already. That the hand is above a
+            block leaves much to say about where it is.
+    """
+    return known.get(feature.family, 0) >= feature.detail
+
+
 def level(share: float, levels: tuple[float, ...]) -> int:
     """Return the index of the first of `levels` that is not below `share`."""
     return int(np.searchsorted(levels, share))
@@ -266,7 +277,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         initial=float(np.mean(first == 0)),
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
         first=float(np.median(first / np.maximum(1, lengths - 1))),
-        copy=any(f.family in samples.known for f in it.features),
+        copy=any(is_copy(f, samples.known) for f in it.features),
         relevant=samples.goal_entities <= names,
         advances=_advances(first, lengths, samples.steps.get(names, ()))
         and (samples.root or bool(np.median(lengths - 1 - first) > 0)),

@@ -33,8 +33,8 @@ NO_WORSE = 0.1
 SLACK = 0.25
 """How far a threshold lies beyond the positives, in ranges of the positives: a sample's extreme is not the
 population's, and a predicate must also fit the entities and episodes to come."""
-UNSEEN = 3.0
-"""The rule of three: with 95 % confidence at most 3 / n of a population lie beyond the extreme of n samples."""
+ACCIDENT = 0.05
+"""How seldom samples fall as short of their population's extreme as a threshold allows for."""
 FEW = 0.02
 """Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
 LEAST_SLACK = 0.001
@@ -163,7 +163,7 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    threshold, gap = bound(pos, neg, spread, before)
+    threshold, gap = bound(pos, neg, spread, before, ball(feature, sign))
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
@@ -172,7 +172,8 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     said = bits(pos, threshold, usual, feature, sign)
     if np.mean(values.lasts < threshold) >= AGREEMENT:
         settled = np.minimum(pos, values.lasts)
-        said = max(said, bits(settled, bound(settled, neg, spread)[0], usual, feature, sign))
+        closer, _ = bound(settled, neg, spread, numbers=ball(feature, sign))
+        said = max(said, bits(settled, closer, usual, feature, sign))
     return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
 
@@ -192,13 +193,34 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
         sign: 1 where it lies below, -1 where it lies above.
     """
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
-    width = threshold if isinstance(feature.term, Norm) and sign > 0 else few * (threshold - float(pos.min()))
+    width = threshold if ball(feature, sign) else few * (threshold - float(pos.min()))
     if usual == 0.0:
         return 0.0
     return float(feature.detail * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
 
 
-def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None) -> tuple[float, float]:
+def unseen(samples: int, numbers: int) -> float:
+    """Return how far beyond the extreme of samples their population may reach, with 95 % confidence.
+
+    Args:
+        samples: how many there are, evenly spread over an interval, or over a ball about zero.
+        numbers: dimensions of the ball; 0 for an interval.
+
+    Returns:
+        Share of the range of the samples, or of their greatest length.
+    """
+    freedom = samples * numbers if numbers else samples - 1
+    return float(ACCIDENT ** (-1 / max(1, freedom)) - 1)
+
+
+def ball(feature: Feature, sign: float) -> int:
+    """Return how many numbers a feature bounds the length of, where it lies below a threshold; else 0."""
+    return feature.detail if isinstance(feature.term, Norm) and sign > 0 else 0
+
+
+def bound(
+    pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None, numbers: int = 0
+) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
     Args:
@@ -206,11 +228,13 @@ def bound(pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | 
         neg: (M,) values that had better not.
         spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
         before: (P,) values right before the goal; those beyond the positives show that the goal is what sets them.
+        numbers: of how many numbers the values are the length; 0 where they are none.
     """
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
-    slack = max(max(SLACK, UNSEEN / len(pos)) * (extreme - float(pos.min())), LEAST_SLACK * spread)
+    width = extreme - float(pos.min())
+    slack = max(SLACK * width, unseen(len(pos), numbers) * (extreme if numbers else width), LEAST_SLACK * spread)
     for values in (neg, pos if before is None else before):
         near = values[values > extreme]
         if near.size and np.mean((values > extreme) & (values < extreme + slack)) > FEW:

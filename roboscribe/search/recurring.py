@@ -7,16 +7,16 @@ is reached; that is what the goal asks for, so it is measured there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
 from roboscribe.dsl.semantics import evaluate
-from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative
+from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import bits, bound, usual_range
+from roboscribe.search.predicates import ball, bits, bound, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT, first_true
 
@@ -32,7 +32,7 @@ class Pairs:
         frames: (S, F) demonstrations from their start to the first frame of ψ_R, one after the other.
         starts: (D,) where each begins in `frames`.
         negatives: (M, F), N_s.
-        known: families that the tree compares already.
+        known: what the tree compares already, see `is_copy`.
     """
 
     layout: Layout
@@ -41,7 +41,7 @@ class Pairs:
     frames: FloatArray
     starts: IntArray
     negatives: FloatArray
-    known: frozenset[str]
+    known: Mapping[str, int]
 
     @property
     def lasts(self) -> IntArray:
@@ -91,7 +91,7 @@ def _candidate(
     settled = _settled(values, pos.max(), pairs)
     kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos.ravel()
     # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
-    threshold, gap = bound(kept, worst, spread, before.ravel())
+    threshold, gap = bound(kept, worst, spread, before.ravel(), ball(feature, sign))
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -110,7 +110,7 @@ def _candidate(
         initial=float(np.mean((first == 0).all(axis=1))),
         kept=_kept(truth, first, pairs),
         first=float(np.median((first / lengths)[late])) if late.any() else 1.0,
-        copy=feature.family in pairs.known,
+        copy=is_copy(feature, pairs.known),
         relevant=True,
         advances=True,
         margin=gap / spread,

@@ -31,12 +31,12 @@ def demonstrations(ends: FloatArray, begins: IntArray) -> FloatArray:
     return states
 
 
-def candidates(states: FloatArray, known: frozenset[str] = frozenset()) -> dict[str, Candidate]:
+def candidates(states: FloatArray, known: dict[str, int] | None = None) -> dict[str, Candidate]:
     """Find what recurs, by the text of its left side; in failures every p is high."""
     negatives = np.random.default_rng(4).uniform(0.0, 1.0, (500, TWO.size))
     negatives[:, P] = np.random.default_rng(5).uniform(0.5, 1.0, (500, 2))
     starts = np.arange(len(states)) * LENGTH
-    pairs = Pairs(TWO, "b1", (0, 1), states.reshape(-1, TWO.size), starts, negatives, known)
+    pairs = Pairs(TWO, "b1", (0, 1), states.reshape(-1, TWO.size), starts, negatives, known or {})
     found = recurring_candidates(enumerate_features(TWO, ["b1"]), pairs)
     return {str(c.predicate.left): c for c in found if isinstance(c.predicate, Less)}
 
@@ -113,4 +113,4 @@ def test_what_is_about_the_robot_lasts_for_no_loop(text: str) -> None:
 
 
 def test_what_the_tree_compares_already_is_a_copy() -> None:
-    assert candidates(demonstrations(CLOSE, ONE_BY_ONE), frozenset(["b1.p"]))["b1↓p"].copy
+    assert candidates(demonstrations(CLOSE, ONE_BY_ONE), {"b1.p": 1})["b1↓p"].copy
