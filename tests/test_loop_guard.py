@@ -58,7 +58,7 @@ def test_a_tower_built_top_down_gives_its_mirror_image() -> None:
 
 
 def test_of_two_the_last_one_is_admitted_too() -> None:
-    """ "Another one has a higher goal" tells the first of two as well, but would leave the second one to wait."""
+    """That another one has a higher goal tells the first of two as well, but would leave the second one to wait."""
     guard = predicate_synthesis(evidence(PointTask("toy", ("block",) * 2), bottom_up), TREE, AT_NODE)
     assert not isinstance(guard, Fail)
     assert agree(guard, lowest_first("g(o)↓z < g(b1)↓z"))
