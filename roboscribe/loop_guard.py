@@ -9,7 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import conjunction, free_vars, rename, walk
+from roboscribe.dsl.rewrite import conjunction, free_vars, negation_normal_form, rename, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import (
     Diff,
@@ -101,18 +101,19 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
         guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.predicate, node.role).thinned()
+    examples = loop_examples(evidence, node.served, node.role).thinned()
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
         return Truth()
     entity, nodes = node.role, (node, *tree.below(node.name))
-    learned = tuple(dict.fromkeys(n.predicate for n in nodes if entity in free_vars(n.predicate)))
+    learned = tuple(dict.fromkeys(n.served for n in nodes if entity in free_vars(n.predicate)))
     ended = examples[examples.positive | examples.done]
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
         return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
-    return conjunction([termination, *order_of(examples, evidence, entity, learned)])
+    guard = conjunction([termination, *order_of(examples, evidence, entity, learned)])
+    return guard if node.only == Truth() else negation_normal_form(guard)
 
 
 def order_of(

@@ -83,10 +83,13 @@ class _Writer:
 
         Source: Algorithm 5, lines 8-19.
         """
+        outside = self.straight.pop(node.role, None) if node.circular else None  # a loop's variable is its own
         body = self.predecessors(self.tree.predecessors(node.name))
         if isinstance(body, Fail) or (self.done and not node.circular):
             return body
         written = self.loop(node, body) if node.circular else seq(body, *self.run(node))
+        if outside is not None:
+            self.straight[node.role] = outside
         self.done = self.done or node.name == self.goal
         return written
 

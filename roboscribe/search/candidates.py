@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, size, uses_robot
-from roboscribe.dsl.syntax import Predicate
+from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT, first_true
@@ -28,6 +28,8 @@ ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
 """Price of a node of a predicate, in lengths of a demonstration: of two equally early ones the shorter is wanted."""
+ENTITY_COST = 0.1
+"""Price of each further entity that is named, in lengths of a demonstration: two bits, which tell it from others."""
 BIT_GAIN = 0.05
 """Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
 MOST_BITS = 6.0
@@ -121,6 +123,7 @@ class Candidate:
             what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
         informative: whether φ says enough, and not by chance, see the function of that name.
+        only: of a loop, which entities it is about.
     """
 
     predicate: Predicate
@@ -140,6 +143,7 @@ class Candidate:
     standing: int = 0
     each: bool = False
     informative: bool = True
+    only: Predicate = field(default_factory=Truth)
 
     @property
     def separates(self) -> bool:
@@ -161,6 +165,7 @@ class Candidate:
         """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says."""
         lateness = 0.0 if self.each else self.first  # what a loop repeats is complete with the task
         price = lateness + ACCEPTED_COST * self.accepted + NODE_COST * self.size
+        price += ENTITY_COST * max(0, self.entities - 1)
         return round(price - BIT_GAIN * self.bits, 3)
 
     @property
@@ -178,7 +183,6 @@ class Candidate:
             not self.relevant or self.accepted > CLEAR,
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
-            self.entities,
             not self.each,
             self.standing,
             self.initial > OFTEN,

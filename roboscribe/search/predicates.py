@@ -189,14 +189,14 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
         pos: (P,) values of the positives, in the direction of `sign`.
         threshold: below which they lie.
         usual: range of what the feature is otherwise, see `usual_range`.
-        feature: how many numbers it sums up counts, too: a ball's volume falls with their count.
+        feature: of how many numbers it bounds the length counts, too: a ball's volume falls with their count.
         sign: 1 where it lies below, -1 where it lies above.
     """
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
     width = threshold if ball(feature, sign) else few * (threshold - float(pos.min()))
     if usual == 0.0:
         return 0.0
-    return float(feature.detail * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
+    return float(max(1, ball(feature, sign)) * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
 
 
 def unseen(samples: int, numbers: int) -> float:

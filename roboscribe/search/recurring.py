@@ -7,51 +7,18 @@ is reached; that is what the goal asks for, so it is measured there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
-from roboscribe.dsl.semantics import evaluate
+from roboscribe.dsl.rewrite import free_vars, size, uses_robot
+from roboscribe.dsl.syntax import Truth
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
+from roboscribe.search.meant import EVERYBODY, Meant, Pairs, lasting_readings, parting
 from roboscribe.search.predicates import ball, bits, bound, usual_range
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, first_true
-
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Demonstrations, read once for every entity of a type.
-
-    Args:
-        layout: meaning of the states.
-        entity: the name that stands for any of them, b1.
-        members: (N,) the entities.
-        frames: (S, F) demonstrations from their start to the first frame of ψ_R, one after the other.
-        starts: (D,) where each begins in `frames`.
-        negatives: (M, F), N_s.
-        known: what the tree compares already, see `is_copy`.
-    """
-
-    layout: Layout
-    entity: str
-    members: tuple[int, ...]
-    frames: FloatArray
-    starts: IntArray
-    negatives: FloatArray
-    known: Mapping[str, int]
-
-    @property
-    def lasts(self) -> IntArray:
-        """Last frame of each demonstration, (D,)."""
-        return np.append(self.starts[1:], len(self.frames)) - 1
-
-    def values(self, feature: Feature, states: FloatArray) -> FloatArray:
-        """Evaluate a feature for every entity, (N, S)."""
-        named = ((e, {self.entity: self.layout.names[e]}) for e in self.members)
-        return np.stack([evaluate(rename(feature.term, m), states, {}, self.layout)[..., 0] for _, m in named])
 
 
 def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[Candidate]:
@@ -63,35 +30,44 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
         pairs: evidence.
 
     Yields:
-        Candidates about `pairs.entity`, with `each` set.
+        Candidates about `pairs.entity`, with `each` set; where it is not every entity of the type, `only` says which.
 
     Departs: Algorithm 3, line 2 finds a loop when a predicate learned from one entity recurs with another; a predicate
         that was learned from all of them is a loop to begin with.
     """
+    readings = list(lasting_readings(features, pairs))
     for feature in features:
         if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
                 for sign in (1.0, -1.0):
-                    found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs)
-                    if found is not None:
-                        yield found
+                    for meant in (EVERYBODY, *parting(sign * values, readings, pairs)):
+                        found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, meant)
+                        if found is not None:
+                            yield found
 
 
 def _candidate(
-    feature: Feature, features: Sequence[Feature], sign: float, values: FloatArray, negatives: FloatArray, pairs: Pairs
+    feature: Feature,
+    features: Sequence[Feature],
+    sign: float,
+    values: FloatArray,
+    negatives: FloatArray,
+    pairs: Pairs,
+    meant: Meant,
 ) -> Candidate | None:
-    """Put a threshold where all entities lie once ψ_R holds; values (N, S) to lie below."""
+    """Put a threshold where all entities that are meant lie once ψ_R holds; values (N, S) to lie below."""
     spread = float(np.std(np.concatenate([values.ravel(), negatives.ravel()])))
     if spread == 0.0:
         return None
+    values, negatives = meant.alone(values, pairs.frames, pairs), meant.alone(negatives, pairs.negatives, pairs)
     worst = negatives.max(axis=0)
     at_end, before = values[:, pairs.lasts], values[:, pairs.lasts - 1]
     pos = np.minimum(at_end, before)
     settled = _settled(values, pos.max(), pairs)
-    kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos.ravel()
+    kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos[np.isfinite(pos)]
     # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
-    threshold, gap = bound(kept, worst, spread, before.ravel(), ball(feature, sign))
+    threshold, gap = bound(kept, worst, spread, before[np.isfinite(before)], ball(feature, sign))
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -102,7 +78,7 @@ def _candidate(
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
-    said = bits(kept, threshold, usual_range(values.ravel()), feature, sign)
+    said = bits(kept, threshold, usual_range(values[np.isfinite(values)]), feature, sign)
     lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
         predicate=predicate,
@@ -110,17 +86,18 @@ def _candidate(
         initial=float(np.mean((first == 0).all(axis=1))),
         kept=_kept(truth, first, pairs),
         first=float(np.median((first / lengths)[late])) if late.any() else 1.0,
-        copy=is_copy(feature, pairs.known),
+        copy=is_copy(feature, pairs.known.get(meant.only, pairs.known[Truth()])),
         relevant=True,
         advances=True,
         margin=gap / spread,
         scales=((str(feature.term), float(f"{spread:.4g}")),),
         entities=len(free_vars(feature.term)),
         bits=said,
-        size=size(predicate),
-        family=feature.family,
+        size=size(predicate) + size(meant.only) - size(Truth()),
+        family=feature.family if meant is EVERYBODY else f"{feature.family} where {meant.only}",
         each=True,
         informative=informative(said, worst < threshold, int(late.sum()), len(features)),
+        only=meant.only,
     )
 
 
