@@ -15,6 +15,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import Json
 from roboscribe.io.demonstrations import read_demonstrations, task_of
 from roboscribe.io.saved_program import SavedProgram, load_program, save_program
+from roboscribe.onnx_controllers import copy_onnx
 from roboscribe.stages.runtime.task_config import TaskConfig
 
 
@@ -92,3 +93,4 @@ def save(adaptation: Adaptation, directory: Path, original: Path) -> None:
         msg = f"{directory}: is the program that is adapted; expected another directory"
         raise ArtifactError(msg)
     save_program(directory, adaptation.saved)
+    copy_onnx(original, directory)

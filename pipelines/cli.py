@@ -18,8 +18,8 @@ from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
 from roboscribe.errors import RoboScribeError
 from roboscribe.pipelines.commands import baseline, data, inspection, synthesis
 from roboscribe.pipelines.commands import disturb as disturb_command
-from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile
-from roboscribe.pipelines.commands.output import FAIL, console, make_room, refuse, say, write_result
+from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir, JsonFile, Quiet
+from roboscribe.pipelines.commands.output import FAIL, announce, console, make_room, refuse, say, write_result
 from roboscribe.pipelines.interrupts import INTERRUPTED, Interrupts
 from roboscribe.pipelines.paper.commands import paper
 
@@ -88,16 +88,17 @@ def tasks() -> None:
     """List the tasks with their objects, goals and horizon."""
     from rich.table import Table
 
-    from roboscribe.envs.catalogue import make_task, task_names
-
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("task", "objects", "goals", "horizon"):
-        table.add_column(title)
-    for name in task_names():
-        task = make_task(name)
-        objects = ", ".join(task.layout.names)
-        goals = ", ".join(_goals(task.layout.entities)) or "none"
-        table.add_row(Text(name), Text(objects), Text(goals), f"{task.horizon} steps, {task.frequency:g} Hz")
+        table.add_column(title, overflow="fold")
+    with console.status("gathering the tasks"):
+        from roboscribe.envs.catalogue import make_task, task_names
+
+        for name in task_names():
+            task = make_task(name)
+            objects = ", ".join(task.layout.names)
+            goals = ", ".join(_goals(task.layout.entities)) or "none"
+            table.add_row(Text(name), Text(objects), Text(goals), f"{task.horizon} steps, {task.frequency:g} Hz")
     console.print(table)
 
 
@@ -159,6 +160,7 @@ def evaluate(
     json: JsonFile = None,
     contact: Contact = "stable",
     timing: Timing = "fast",
+    quiet: Quiet = False,
     home: HomeDir = Path(),
 ) -> None:
     """Measure a program's success with its 95 % Wilson interval, undisturbed or under disturbances."""
@@ -177,7 +179,8 @@ def evaluate(
     assert isinstance(failing, list)
     if failing:
         listed = ", ".join(map(str, failing[:20])) + ", …" * (len(failing) > 20)
-        say(f"failing episodes: {listed} (to see one: roboscribe render --episode {failing[0]})")
+        same = f" --task {task}" * (task is not None) + f" --seed {seed}" * (seed != 0)
+        say(f"failing episodes: {listed} (to see one: roboscribe render {program}{same} --episode {failing[0]})")
     write_result(json, result)
 
 
@@ -224,24 +227,23 @@ def render(
 @app.command()
 def programs() -> None:
     """List the shipped programs; success as measured when they were made, with its 95 % Wilson interval."""
-    from rich.table import Table
-
     from roboscribe.evaluation import format_success
+    from roboscribe.pipelines.runs.table import columns
     from roboscribe.programs import shipped_programs
 
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for title in ("program", "task", "seed", "profile", "success", "size"):
-        table.add_column(title)
+    rows = []
     for shipped in shipped_programs():
-        made = [Text(str(shipped.manifest[entry])) for entry in ("task", "seed", "profile")]
+        made = {entry: str(shipped.manifest[entry]) for entry in ("task", "seed", "profile")}
         success, size = format_success(shipped.manifest["figures"]), f"{shipped.size / 1000:.0f} kB"
-        table.add_row(Text(shipped.name), *made, success, size)
-    console.print(table)
+        rows.append({"program": shipped.name, **made, "success": success, "size": size})
+    for line in columns(rows):
+        say(line)
 
 
 @app.command()
 def serve(home: HomeDir = Path()) -> None:
     """Offer the scheduled runs of the paper's experiments to a Prefect server, one at a time, until interrupted."""
+    announce("offering scheduled runs, until interrupted")
     from roboscribe.pipelines.paper.schedule import serve_schedules
 
     serve_schedules(home)

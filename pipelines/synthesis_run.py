@@ -12,6 +12,7 @@ from typing import Literal, TypeAlias
 from roboscribe.errors import ArtifactError, DemonstrationError, Fail
 from roboscribe.io.atomic import Json, canonical_json, sha256_of, write_file
 from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program, save_program
+from roboscribe.onnx_controllers import copy_onnx
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
@@ -210,6 +211,7 @@ def publish(packaged: Path, out: Path, about: Mapping[str, Json], commit: str) -
     manifest = {**saved.manifest, **about}
     if not _published(packaged, out, manifest):
         save_program(out, replace(saved, manifest={**manifest, "commit": commit}))
+        copy_onnx(packaged, out)
 
 
 def _published(packaged: Path, out: Path, manifest: Mapping[str, Json]) -> bool:

@@ -21,6 +21,7 @@ from roboscribe.evaluation import Evaluation, Watch, ignore_counts, measure
 from roboscribe.html.code import program_html
 from roboscribe.html.style import standalone
 from roboscribe.io.saved_program import load_program
+from roboscribe.onnx_controllers import write_onnx
 from roboscribe.programs import program_directory
 from roboscribe.runnable import Runnable
 from roboscribe.saved import open_saved
@@ -132,6 +133,16 @@ class Policy:
             ProgramError: it does not parse, does not fit the task, or runs a controller that is not there.
         """
         return Policy(replace(self.runnable, program=parse_program(program)), self.task)
+
+    def save_onnx(self, directory: str | Path) -> tuple[Path, ...]:
+        """Write every learned controller to `onnx/NAME.onnx` in a directory, for robots on which no Python runs.
+
+        Each takes what it sees by name, "mu.position" for instance, in rows, and returns `action`.
+
+        Raises:
+            ArtifactError: the system refused.
+        """
+        return write_onnx(Path(directory), self.program, self.runnable.library)
 
     def __str__(self) -> str:
         """Spell the program, as it can be edited."""

@@ -45,6 +45,7 @@ class Synthesis:
             ArtifactError: the system refused.
         """
         save_program(Path(directory), self.saved)
+        self.policy.save_onnx(directory)
         return Path(directory)
 
     def __str__(self) -> str:

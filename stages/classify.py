@@ -34,8 +34,8 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
 
     Inputs:
         demonstrations: a Parquet file.
-        tree: the subtask tree.
-        failures: N_s.
+        tree: the subtask tree, `tree.json` of `update_tree`.
+        failures: N_s, `failures.safetensors` of `roll_out`.
     """
     evidence = load_evidence(inputs["demonstrations"], config.task)
     failures = read_failures(inputs["failures"])

@@ -9,6 +9,7 @@ from pathlib import Path
 from roboscribe.defaults import CONFIRM
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import save_program
+from roboscribe.onnx_controllers import write_onnx
 from roboscribe.programs import saved_form
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library
@@ -43,7 +44,7 @@ class Config:
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
-    """Write the directory `program/`.
+    """Write the directory `program/`, with the controllers as ONNX files, too.
 
     Inputs:
         program, tree: what was found.
@@ -64,8 +65,9 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         "command": config.command,
         "figures": read_json(inputs["outcome"]),
     }
-    saved = saved_form(read_program(inputs["program"]), read_tree(inputs["tree"]), library, manifest)
-    save_program(out / DIRECTORY, saved)
+    program = read_program(inputs["program"])
+    save_program(out / DIRECTORY, saved_form(program, read_tree(inputs["tree"]), library, manifest))
+    write_onnx(out / DIRECTORY, program, library)
 
 
 STAGE = Stage("package", Config, run)

@@ -126,7 +126,7 @@ class StagedSteps:
         now = grounds(tree, program)
         afresh, plan = stale(now, library.grounds), self.plan
         new = [name for name in now if name not in library.grounds or name in afresh]
-        config = train.Config(plan.task, goal, plan.seed, plan.training, afresh, goal == ROOT)
+        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
@@ -146,7 +146,7 @@ class StagedSteps:
 
     def _roll_out(self, label: str, program: Program, goal: str, library: ControllerFiles, episodes: int) -> Path:
         plan = self.plan
-        config = roll_out.Config(plan.task, goal, plan.seed, episodes, plan.training.confirm)
+        config = roll_out.Config(plan.practice, goal, plan.seed, episodes, plan.training.confirm)
         return self.call(label, roll_out.STAGE, config, {"program": self.program(program), **library.runnable()})
 
     def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:

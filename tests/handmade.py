@@ -82,8 +82,10 @@ def carry(
     """
     count = len(task.kinds)
     hand, places = rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, 1.0, (count, 2))
-    goals = np.array([1.5, 0.0]) + np.outer(rng.permutation(levels or range(count)), [0.0, 0.2])
-    goals[:, 0] += 0.2 * np.arange(count) if levels else 0.0
+    ranks: FloatArray = rng.permutation(np.asarray(levels or range(count), np.float64))
+    goals = np.array([1.5, 0.0]) + ranks[:, None] * np.array([0.0, 0.2])
+    if levels:
+        goals[:, 0] += 0.2 * np.arange(count)
     for i in placed:
         places[i] = goals[i]
     queue = list(order(goals))

@@ -40,10 +40,11 @@ LAYERS = {
     "controllers": LANGUAGE | {"reward", "subtask_tree", "rl", "io"},
     "tree_json": LANGUAGE | {"subtask_tree", "io"},
     "runnable": LANGUAGE | {"controllers", "io"},
+    "onnx_controllers": LANGUAGE | {"rl", "io"},
     "saved": LANGUAGE | {"runnable", "baselines", "io"},
     "programs": LANGUAGE | {"subtask_tree", "controllers", "tree_json", "io"},
     "evaluation": LANGUAGE | {"subtask_tree", "steps", "runnable", "io"},
-    "policy": LANGUAGE | {"evaluation", "programs", "runnable", "saved", "envs", "html", "io"},
+    "policy": LANGUAGE | {"evaluation", "programs", "runnable", "saved", "onnx_controllers", "envs", "html", "io"},
     "synthesis": TREE | {"classifier", "evaluation", "policy", "html", "io"},
     "grounding": TREE | {"program_gen", "controllers", "rl", "io"},
     "learning": TREE
@@ -52,10 +53,9 @@ LAYERS = {
     "notebook": set(),
 }
 """What each part of `roboscribe` may import of the others."""
-SURFACE = {"controllers", "tree_json", "runnable", "saved", "programs", "evaluation", "policy", "synthesis"} | {
-    "grounding",
-    "learning",
-    "notebook",
+SURFACE = {
+    *("controllers", "onnx_controllers", "tree_json", "runnable", "saved", "programs", "evaluation", "policy"),
+    *("synthesis", "grounding", "learning", "notebook"),
 }
 """What a user of the library calls, and what it needs of everything below."""
 CORE = set(LAYERS) - SURFACE - {"envs", "rl", "baselines", "io"}

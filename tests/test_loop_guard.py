@@ -41,8 +41,10 @@ def agree(one: Predicate, other: Predicate) -> bool:
         for heights in (goals[list(p)] for p in permutations(range(3)))
         for placed in np.ndindex(2, 2, 2)
     ]
-    answers = [[holds(p, np.stack(rows), {"b1": entity}, TASK.layout) for entity in range(3)] for p in (one, other)]
-    return bool(np.array_equal(*answers))
+    first, second = (
+        [holds(p, np.stack(rows), {"b1": entity}, TASK.layout) for entity in range(3)] for p in (one, other)
+    )
+    return bool(np.array_equal(first, second))
 
 
 def test_a_tower_built_bottom_up_gives_eq_4() -> None:

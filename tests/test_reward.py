@@ -1,5 +1,7 @@
 """R_φ: values by hand, and its law: a positive reward means φ, a negative one means not φ."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -28,7 +30,7 @@ from roboscribe.dsl.syntax import (
 )
 from roboscribe.reward import FALSE_MARGIN, atoms, reward
 from roboscribe.world import Attribute, Layout, ObjectType
-from roboscribe.world.layout import NULL
+from roboscribe.world.layout import NULL, BoolArray, FloatArray
 
 PLACE = Attribute("position", ("x", "y", "z"))
 BLOCK = ObjectType("block", (PLACE,), (PLACE,))
@@ -37,7 +39,7 @@ B, MU = Var("b"), Robot()
 X = Proj(B, "x")
 
 
-def state(**columns: float) -> np.ndarray:
+def state(**columns: float) -> FloatArray:
     """Return a zero state with some columns set: hand x, block 0 x, block 1 x, angle."""
     found = np.zeros(LAYOUT.size)
     places = {"hand": 0, "angle": 3, "first": 4, "second": 10}
@@ -46,7 +48,7 @@ def state(**columns: float) -> np.ndarray:
     return found[None]
 
 
-def score(predicate: Predicate, states: np.ndarray, entity: int = 0, **options: object) -> float:
+def score(predicate: Predicate, states: FloatArray, entity: int = 0, **options: Any) -> float:  # noqa: ANN401 - any argument of `reward`
     return float(reward(predicate, states, {"b": np.array([entity])}, LAYOUT, **options)[0])
 
 
@@ -146,7 +148,7 @@ def test_sign_agrees_with_the_predicate(predicate: Predicate, seed: int, entity:
     states = np.random.default_rng(seed).uniform(-2, 2, (16, LAYOUT.size))
     binding = {"b": np.full(16, entity)}
 
-    def solved(found: np.ndarray) -> np.ndarray:
+    def solved(found: FloatArray) -> BoolArray:
         return found[..., 0] > 0
 
     margin = reward(predicate, states, binding, LAYOUT, {str(X): 0.1 + abs(scale)}, solved)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from roboscribe.defaults import EVALUATION_EPISODES
-from roboscribe.pipelines.commands.options import HomeDir, JsonFile
-from roboscribe.pipelines.commands.output import FAIL, console, make_room, say, write_result
+from roboscribe.pipelines.commands.options import HomeDir, JsonFile, Quiet
+from roboscribe.pipelines.commands.output import FAIL, announce, console, make_room, say, write_result
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
@@ -32,9 +32,11 @@ def baseline(
     episodes: Annotated[int, typer.Option(min=1, help="episodes of the final evaluation")] = EVALUATION_EPISODES,
     contact: Annotated[str, typer.Option(help="contact model: stable or paper")] = "stable",
     timing: Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")] = "fast",
+    quiet: Quiet = False,
     home: HomeDir = Path(),
 ) -> None:
     """Train and measure what programs are compared with; the same command goes on where it was interrupted."""
+    announce(f"{method}, {task}, seed {seed}")
     from roboscribe.baselines.config import method_named
     from roboscribe.errors import Fail
     from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun, engine_named

@@ -1,4 +1,4 @@
-"""Commands that bring demonstrations in and out, and that look at them: ingest, export, demos check, demos info.
+"""Commands that bring demonstrations in and out, and that look at them: ingest, export, demos check, info and replay.
 
 `roboscribe demos TASK --out FILE` collects, as it did before there was anything else to do with demonstrations: the
 group takes whatever is no command of its own for the arguments of `collect`.
@@ -41,7 +41,7 @@ app = typer.Typer()
 demonstrations = typer.Typer(
     cls=_CollectsByDefault,
     no_args_is_help=True,
-    help="Collect demonstrations (`roboscribe demos TASK --out FILE`), check a file of them, or say what it holds.",
+    help="Collect demonstrations (`roboscribe demos TASK --out FILE`), check a file of them, describe or film it.",
 )
 Format = Annotated[str | None, typer.Option("--format", help=FORMATS_HELP)]
 TaskOption = Annotated[str | None, typer.Option("--task", help=TASK_HELP)]
@@ -121,6 +121,34 @@ def info(file: OurFile, task: TaskOption = None, json: JsonFile = None) -> None:
     _show(found)
     make_room(json)
     write_result(json, found)
+
+
+@demonstrations.command()
+def replay(
+    file: OurFile,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="film, .mp4 or .gif; left out: named after the file")
+    ] = None,
+    episode: Annotated[int, typer.Option(min=0, help="number of the first one that is shown")] = 0,
+    grid: Annotated[str, typer.Option(help="demonstrations at once, columns x rows, for instance 3x3")] = "1x1",
+    slow: Annotated[bool, typer.Option("--slow", help="at a quarter of the speed")] = False,
+    task: TaskOption = None,
+) -> None:
+    """Film demonstrations as they were recorded."""
+    out = out or Path(f"{file.stem}.mp4")
+    with console.status(f"filming {file}"):
+        from roboscribe.envs.render import check_suffix
+        from roboscribe.io.demonstrations import read_demonstrations
+        from roboscribe.pipelines.demonstration_films import film_demonstrations
+        from roboscribe.pipelines.film_selection import grid as cells
+
+        columns, rows = cells(grid)
+        check_suffix(out)
+        make_room(out)
+        shown, numbers = _task_of(file, task), range(episode, episode + columns * rows)
+        path = film_demonstrations(read_demonstrations(file, shown), shown, numbers, columns, out, slow)
+    some = f"s {episode} to {numbers.stop - 1}" if len(numbers) > 1 else f" {episode}"
+    say(f"{path}: demonstration{some} of {file}")
 
 
 def _show(found: dict[str, Json]) -> None:

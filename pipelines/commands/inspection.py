@@ -43,7 +43,8 @@ def show(run: RunName, home: HomeDir = Path()) -> None:
     with open_run(run, Workspace(home)) as found:
         if found.account is None:
             console.print(Text("how this program was found is not known here; the program as it is:\n"))
-            console.print(Text(found.program.program_text if found.program is not None else "", style="bold"))
+            program = found.program.program_text if found.program is not None else ""
+            console.print(Text(program, style="bold"), soft_wrap=True)
         else:
             with SynthesisConsole(console) as output:
                 for entry in found.account.entries:
@@ -74,12 +75,12 @@ def report(
     home: HomeDir = Path(),
 ) -> None:
     """Write one self-contained page about a run, or about several side by side."""
-    from roboscribe.pipelines.report.write import check_suffix, write_report
-    from roboscribe.pipelines.runs.lookup import open_run
-    from roboscribe.pipelines.workspace import Workspace
-
-    check_suffix(out)
     with ExitStack() as stack, console.status("writing the report"):
+        from roboscribe.pipelines.report.write import check_suffix, write_report
+        from roboscribe.pipelines.runs.lookup import open_run
+        from roboscribe.pipelines.workspace import Workspace
+
+        check_suffix(out)
         found = [stack.enter_context(open_run(name, Workspace(home))) for name in run]
         write_report(found, out, films)
     say(f"{out}: {out.stat().st_size / 1e6:.1f} MB, open it in a browser")

@@ -24,6 +24,12 @@ def say(line: str) -> None:
     console.print(Text(line), soft_wrap=True)
 
 
+def announce(line: str) -> None:
+    """Say at once what begins, to whoever looks on: what does the work may take seconds to import."""
+    if console.is_terminal:
+        say(line)
+
+
 def refuse(message: str) -> int:
     """Print one line on standard error; returns the exit code of bad input."""
     if message:

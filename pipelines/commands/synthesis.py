@@ -10,7 +10,7 @@ import typer
 
 from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.pipelines.commands.options import HomeDir, JsonFile, Quiet
-from roboscribe.pipelines.commands.output import FAIL, console, make_room, say, write_result
+from roboscribe.pipelines.commands.output import FAIL, announce, console, make_room, say, write_result
 from roboscribe.rl.config import Profile
 
 if TYPE_CHECKING:
@@ -177,6 +177,7 @@ def _sweep(
     Raises:
         Exit: one of them found no program, or ended otherwise.
     """
+    announce(f"{plan.task.name}, seeds {seeds}")
     from roboscribe.pipelines.seed_sweep import SeedSweep, parse_seeds, summary
     from roboscribe.pipelines.workspace import Workspace
 

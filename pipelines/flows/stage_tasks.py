@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from roboscribe.io.atomic import Json
+from roboscribe.pipelines.flows.retries import DELAYS, worth_another_try
 from roboscribe.stages.runtime.configuration import encode
 from roboscribe.stages.runtime.store import AnyStage, Inputs
 from roboscribe.stages.steps import RunStage
@@ -31,7 +32,15 @@ class StageTasks:
         self._states: dict[Path, Any] = {}
         self._work: tuple[AnyStage, object, Inputs] | None = None
         self._out = Path()
-        declare = task(name="stage", task_run_name="{label}", retries=0, persist_result=False, cache_policy=NO_CACHE)
+        declare = task(
+            name="stage",
+            task_run_name="{label}",
+            retries=len(DELAYS),
+            retry_delay_seconds=DELAYS,
+            retry_condition_fn=worth_another_try,
+            persist_result=False,
+            cache_policy=NO_CACHE,
+        )
         self._task = declare(self._stage)
         self.count = 0
 

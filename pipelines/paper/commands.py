@@ -11,7 +11,7 @@ import typer
 
 from roboscribe.defaults import EVALUATION_EPISODES
 from roboscribe.pipelines.commands.options import PROGRAM_HELP, HomeDir
-from roboscribe.pipelines.commands.output import FAIL, console, make_directory, say
+from roboscribe.pipelines.commands.output import FAIL, announce, console, make_directory, say
 
 if TYPE_CHECKING:
     from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
@@ -70,6 +70,7 @@ def curves(
     home: HomeDir = Path(),
 ) -> None:
     """Draw success over control steps by task and method (Fig. 19); it goes on where it was interrupted."""
+    announce("success over control steps")
     from roboscribe.pipelines.paper.curves import draw_curves
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
@@ -92,6 +93,7 @@ def table1(
     home: HomeDir = Path(),
 ) -> None:
     """Count the refinements of the syntheses of `paper curves` (Table 1)."""
+    announce("refinements")
     from roboscribe.pipelines.paper.curves import make_table1
 
     options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
@@ -114,6 +116,7 @@ def demos(
     home: HomeDir = Path(),
 ) -> None:
     """Synthesize from few and many demonstrations, of several styles (Sec. 5.1)."""
+    announce("few and many demonstrations")
     from roboscribe.pipelines.paper.demos import draw_demos
 
     options = _options(task, None, profile, seeds, episodes, budget, quick=quick)
@@ -144,6 +147,7 @@ def towers(
     home: HomeDir = Path(),
 ) -> None:
     """Measure how programs for one tower build others (Fig. 21)."""
+    announce("towers")
     from roboscribe.pipelines.paper.towers import Experiment, measure_towers
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick, programs=program)
@@ -169,6 +173,7 @@ def confined(
     home: HomeDir = Path(),
 ) -> None:
     """Learn only the guards of Push-3's programs again, for goals where the order matters (Sec. 5.3)."""
+    announce("guards learned again")
     from roboscribe.pipelines.paper.confined import Confinement, measure_confined
 
     options = _options(None, method, profile, seeds, episodes, budget, quick=quick, programs=program)
@@ -192,6 +197,7 @@ def everything(
     home: HomeDir = Path(),
 ) -> None:
     """Do all experiments, cheapest first."""
+    announce("all experiments")
     from roboscribe.pipelines.paper.everything import do_everything, expectation
 
     options = _options(task, method, profile, seeds, episodes, budget, quick=quick)
@@ -212,6 +218,7 @@ def results(
     out: Annotated[Path, typer.Option("--out", help="directory of the page")] = Path("docs"), home: HomeDir = Path()
 ) -> None:
     """Put the reports in data/paper on one page, with the commands that complete them."""
+    announce("all reports on one page")
     from roboscribe.pipelines.paper.results import write_results
     from roboscribe.pipelines.workspace import Workspace
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 from roboscribe.baselines.config import METHODS
 from roboscribe.errors import TaskError
 from roboscribe.pipelines.paper.experiment import QUICK_STEPS, Options
+from roboscribe.rl.config import Profile
 from roboscribe.stages.paper.rows import OURS
 from roboscribe.stages.paper.values import REPORTED
 
@@ -48,7 +51,7 @@ def budget_of(method: str, task: str, options: Options) -> int | None:
     return int(options.budget)
 
 
-PROFILES = ("actions", "states", "paper", "scripted")
+PROFILES: tuple[Profile, ...] = get_args(Profile)
 
 
 def check_profile(name: str) -> str:

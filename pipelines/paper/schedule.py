@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
 
 from roboscribe.pipelines.flows.prefect_settings import configure_prefect
 
@@ -16,14 +17,16 @@ configure_prefect()  # before Prefect is imported, wherever this file is loaded 
 from prefect import flow, serve  # noqa: E402 - its settings come first
 from prefect.client.schemas.objects import ConcurrencyLimitConfig, ConcurrencyLimitStrategy  # noqa: E402
 from prefect.settings import PREFECT_API_URL  # noqa: E402
+from pydantic import Field  # noqa: E402
 from rich.console import Console  # noqa: E402
 
+from roboscribe.baselines.config import Method  # noqa: E402
 from roboscribe.errors import TaskError  # noqa: E402
 from roboscribe.pipelines.paper.experiment import ExperimentContext, Options  # noqa: E402
 from roboscribe.pipelines.workspace import Workspace  # noqa: E402
 from roboscribe.stages.paper.rows import OURS  # noqa: E402
 
-EVERYTHING = "all"
+EVERYTHING: Final = "all"
 SCHEDULES: dict[str, tuple[str, dict[str, object]]] = {
     "nightly-quick": ("0 1 * * *", {"experiment": EVERYTHING, "quick": True}),
     "weekly-own-programs": ("0 2 * * 6", {"experiment": EVERYTHING, "methods": [OURS]}),
@@ -32,15 +35,23 @@ SCHEDULES: dict[str, tuple[str, dict[str, object]]] = {
 """By name: when, as cron spells it, and with which parameters."""
 
 
-@flow(name="paper", log_prints=True, retries=0, persist_result=False)
+Experiment: TypeAlias = Literal["all", "curves", "table1", "demos", "towers", "confined"]
+MethodName: TypeAlias = Literal["roboscribe", Method]
+Seeds: TypeAlias = Annotated[int, Field(ge=1, le=100)]
+
+
+@flow(name="paper", log_prints=True, retries=1, retry_delay_seconds=60, persist_result=False)
 def scheduled(
-    experiment: str = EVERYTHING,
+    experiment: Experiment = EVERYTHING,
     quick: bool = False,
-    methods: list[str] | None = None,
-    seeds: int = 5,
+    methods: list[MethodName] | None = None,
+    seeds: Seeds = 5,
     home: str = ".",
 ) -> None:
     """Do an experiment, or all of them; on unchanged code everything is found in the store.
+
+    Prefect's page offers what the annotations allow, and refuses the rest before anything runs. What failed is tried
+    once more: it goes on from where it stopped.
 
     Args:
         experiment: "all", "curves", "table1", "demos", "towers" or "confined".

@@ -97,7 +97,7 @@ def execute(
         horizon: most control steps of an episode; None is the task's.
         until_end: success is that the program reaches its end, not that the task is solved.
         confirm: consecutive observed states in which `until` must hold to count as reached.
-        rng: draws among the answers of get; None takes the lowest index.
+        rng: draws among the answers of get that were served least often; None takes the lowest index of them.
         keep_actions: keep the actions in the trajectories.
         observer: looks on. With one, controllers may be lacking: an episode that comes to such a one ends there.
 

@@ -35,8 +35,9 @@ class Machine:
         batch: B, count of rows.
         limits: step limit by controller; a controller without one has all the time it wants.
         confirm: consecutive observed states in which `until` must hold to count as reached.
-        rng: draws among the answers of get; None takes the lowest entity index.
-        prefers: how much entities are preferred where get has several answers; None leaves it to `rng`.
+        rng: draws among the answers of get that were served least often; None takes the lowest index of them.
+        prefers: how much entities are preferred where get has several answers; None leaves it to `rng`, among those
+            that were served least often.
         solved: answers ψ_R, where the program mentions it.
 
     Source: Fig. 14.
@@ -73,6 +74,7 @@ class Machine:
         self._streak = np.zeros(batch, dtype=np.int64)
         self._undone = np.zeros(batch, dtype=np.int64)
         self._finished = finishing(self._code, layout, batch, solved)
+        self._served_times: IntArray = np.zeros((len(layout.entities), batch), dtype=np.int64)
         self._entities = np.full((batch, max((len(a.variables) for a in acts), default=0)), NULL, dtype=np.int64)
         self.run_index: IntArray = np.full(batch, -1, dtype=np.int64)
         """Which of `controllers(program)` acts now; after the end the last one reached, -1 if none ever was. (B,)"""
@@ -95,6 +97,7 @@ class Machine:
             counts[rows] = 0
         for finished in self._finished.values():
             finished.forget(rows)
+        self._served_times[:, rows] = 0
         self._entities[rows] = self.served[rows] = NULL
         self.run_index[rows] = -1
         self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
@@ -233,10 +236,11 @@ class Machine:
         chosen = np.full(len(rows), NULL, dtype=np.int64)
         found = fits.any(axis=0)
         if found.any():
-            chosen[found] = candidates[self._preference(bind.var, fits, rows).argmax(axis=0)[found]]
+            chosen[found] = candidates[self._preference(bind.var, candidates, fits, rows).argmax(axis=0)[found]]
         self._binding[bind.var][rows] = chosen
         if place in self._finished:
             self._finished[place].take_up(rows[found], chosen[found])
+        self._served_times[chosen[found], rows[found]] += 1
         for row, entity in zip(rows[found], chosen[found], strict=True):
             if entity not in self.bound[row]:
                 self.bound[row].append(int(entity))
@@ -255,13 +259,16 @@ class Machine:
             fits[rank] = holds(bind.where, states, binding, self._layout, self._solved)
         return candidates, fits
 
-    def _preference(self, var: str, fits: BoolArray, rows: IntArray) -> FloatArray:
-        """Say which of the entities (N, R) that fit is taken: the one with the greatest number."""
+    def _preference(self, var: str, candidates: IntArray, fits: BoolArray, rows: IntArray) -> FloatArray:
+        """Say which of the candidates (N,) that fit (N, R) is taken: the one with the greatest number.
+
+        What a controller ran out of time on, or what has slipped off since it was served, waits for the others: it may
+        be beyond help, or good enough.
+        """
         if self._prefers is not None:
             return np.where(fits, self._prefers(var, rows), -np.inf)
-        if self._rng is not None:
-            return np.where(fits, self._rng.random(fits.shape), -1.0)
-        return fits.astype(np.float64)
+        drawn = np.zeros(fits.shape) if self._rng is None else self._rng.random(fits.shape)
+        return np.where(fits, drawn - self._served_times[np.ix_(candidates, rows)], -np.inf)
 
     def _holds(self, predicate: Predicate, needs: tuple[str, ...], rows: IntArray, states: FloatArray) -> BoolArray:
         binding = {name: self._lookup(name, rows) for name in needs}

@@ -193,6 +193,22 @@ def _add_sensors(spec: mujoco.MjSpec, blocks: int) -> None:
         spec.add_sensor(name=f"{name}:{what.name}", type=what, objtype=kind, objname=name)
 
 
+def file_spec() -> mujoco.MjSpec:
+    """Read the scene of the installed package, to be changed before it is compiled."""
+    return mujoco.MjSpec.from_file(str(scene_file()))
+
+
+def add_objects(spec: mujoco.MjSpec, scene: Scene) -> None:
+    """Put a scene's objects in place of the file's one, and the sensors that observations need."""
+    first = scene.shapes[0]
+    if first != BLOCK:
+        geom = spec.geom("object0")
+        geom.type, geom.size, geom.mass = first.geometry, first.size, first.mass
+    for index, shape in enumerate(scene.shapes[1:], start=1):
+        _add_object(spec, index, shape)
+    _add_sensors(spec, len(scene.shapes))
+
+
 @lru_cache(maxsize=8)
 def base_model(scene: Scene) -> mujoco.MjModel:
     """Compile a scene with the file's own contact model and timing (shared: never change it).
@@ -201,15 +217,9 @@ def base_model(scene: Scene) -> mujoco.MjModel:
         They stay 11 mm or more apart wherever the hand works, but MuJoCo 3.9 reports a false contact at isolated
         poses (geometric distance 0 instead of 16 mm), and testing the pair takes a third of a physics step.
     """
-    spec = mujoco.MjSpec.from_file(str(scene_file()))
+    spec = file_spec()
     spec.add_exclude(bodyname1="robot0:torso_lift_link", bodyname2="robot0:shoulder_lift_link")
-    first = scene.shapes[0]
-    if first != BLOCK:
-        geom = spec.geom("object0")
-        geom.type, geom.size, geom.mass = first.geometry, first.size, first.mass
-    for index, shape in enumerate(scene.shapes[1:], start=1):
-        _add_object(spec, index, shape)
-    _add_sensors(spec, len(scene.shapes))
+    add_objects(spec, scene)
     model = spec.compile()
     model.geom_friction[:] *= scene.friction
     # As gymnasium-robotics does before its first step: the mocap shall coincide with the hand it is welded to.
@@ -224,11 +234,22 @@ def fetch_model(scene: Scene, contact: str, timing: str) -> mujoco.MjModel:
     Raises:
         TaskError: an unknown contact model or timing, or no object.
     """
-    if contact not in CONTACTS or timing not in TIMINGS or not scene.shapes:
-        found = f"contact {contact!r}, timing {timing!r}, {len(scene.shapes)} objects"
-        msg = f"{found}: expected one of {CONTACTS}, one of {tuple(TIMINGS)}, at least 1"
+    if not scene.shapes:
+        msg = "no object on the table: expected at least 1"
         raise TaskError(msg)
-    model = mujoco.MjModel.__copy__(base_model(scene))
+    return configured(base_model(scene), contact, timing)
+
+
+def configured(base: mujoco.MjModel, contact: str, timing: str) -> mujoco.MjModel:
+    """Return a copy of a compiled scene under a contact model and a timing.
+
+    Raises:
+        TaskError: an unknown contact model or timing.
+    """
+    if contact not in CONTACTS or timing not in TIMINGS:
+        msg = f"contact {contact!r}, timing {timing!r}: expected one of {CONTACTS}, one of {tuple(TIMINGS)}"
+        raise TaskError(msg)
+    model = mujoco.MjModel.__copy__(base)
     if contact == "stable":
         model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
         model.opt.impratio = 10

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
 import numpy as np
 from numpy.random import Generator
 
-from roboscribe.envs import fetch
+from roboscribe.envs import fetch, fetch_hand
 from roboscribe.envs.demonstrator import ScriptedTask
 from roboscribe.envs.engine import Engine
 from roboscribe.envs.scene_painter import Marker, ScenePainter, Viewpoint
@@ -56,6 +56,7 @@ class FetchTask(ScriptedTask):
         timing: "faithful" (20 x 2 ms) or "fast" (10 x 4 ms).
         horizon: control steps of an episode.
         crowded: objects may start where fingers find no room beside them.
+        arm: the whole arm is simulated; without, the hand alone, see `fetch_hand`.
     """
 
     name: str
@@ -66,6 +67,12 @@ class FetchTask(ScriptedTask):
     action_size: int = 4
     frequency: float = fetch.FREQUENCY
     crowded: bool = False
+    arm: bool = True
+
+    @property
+    def light(self) -> FetchTask:
+        """The same with the hand alone."""
+        return replace(self, arm=False)
 
     @property
     def scene(self) -> fetch.Scene:
@@ -125,20 +132,22 @@ class FetchWorld(World):
     def __init__(self, task: FetchTask, batch: int, threads: int = 2, scene: fetch.Scene | None = None) -> None:
         """Build the engine; no row holds a state yet."""
         scene = scene or task.scene
-        model = fetch.fetch_model(scene, task.contact, task.timing)
+        whole = fetch.fetch_model(scene, task.contact, task.timing)
+        model = whole if task.arm else fetch_hand.hand_model(scene, task.contact, task.timing)
         self.task = task
         self.batch = batch
         self.control_steps = 0
         self.engine = Engine(model, batch, fetch.TIMINGS[task.timing], threads)
         count = len(scene.shapes)
         self._places = fetch.Places(model, count)
+        self._lighten = None if task.arm else fetch_hand.Lightening(whole, model)
         self._start = fetch.settled(scene)
         self._goals = np.full((batch, count, 3), np.nan)
 
     def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
         """Start episodes: row `rows[i]` gets the initial state that `seeds[i]` alone decides. Returns (R, F)."""
-        states = np.repeat(self._start.state[None], len(rows), axis=0)
         sensors = np.repeat(self._start.sensors[None], len(rows), axis=0)
+        states = self._own(np.repeat(self._start.state[None], len(rows), axis=0), sensors)
         for i, (row, seed) in enumerate(zip(rows, seeds, strict=True)):
             places, self._goals[row] = self.task.sample(np.random.default_rng(int(seed)), self._start)
             states[i, self._places.block_xy] = places
@@ -188,15 +197,29 @@ class FetchWorld(World):
         return np.concatenate([self.engine.save(rows), self._goals[rows].reshape(len(rows), -1)], axis=1)
 
     def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
-        """Put `rows` into saved states (R, S). Returns (R, F).
+        """Put `rows` into saved states (R, S), those with the arm also where the hand is alone. Returns (R, F).
 
         Raises:
             TaskError: the snapshots are of another scene.
         """
         split, count = self.engine.snapshot_size, self._goals.shape[1]
+        snapshots = self._without_arm(snapshots)
         if snapshots.shape != (len(rows), split + 3 * count):
             msg = f"snapshots of shape {snapshots.shape}: expected {(len(rows), split + 3 * count)} for {count} blocks"
             raise TaskError(msg)
         self.engine.load(rows, snapshots[:, :split])
         self._goals[rows] = snapshots[:, split:].reshape(len(rows), -1, 3)
         return self.observe(rows)
+
+    def _own(self, states: FloatArray, sensors: FloatArray) -> FloatArray:
+        """Return integration states (R, ...) of the whole scene as this world's engine keeps them."""
+        return states if self._lighten is None else self._lighten(states, sensors)
+
+    def _without_arm(self, snapshots: FloatArray) -> FloatArray:
+        """Carry snapshots (R, S) of the whole scene over to this world; its own stay as they are."""
+        split = self.engine.states.shape[1]
+        extra = 0 if self._lighten is None else self._lighten.size - split
+        if not extra or snapshots.shape[1] != self.engine.snapshot_size + self._goals[0].size + extra:
+            return snapshots
+        states, rest = snapshots[:, : split + extra], snapshots[:, split + extra :]
+        return np.concatenate([self._own(states, rest), rest], axis=1)

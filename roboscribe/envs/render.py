@@ -82,9 +82,13 @@ class SchematicPainter:
         """Nothing is held."""
 
 
-def painter(task: Task, states: FloatArray, size: tuple[int, int]) -> Painter:
-    """Return the task's own painter, or the schematic of an episode (T, F) where it has none."""
-    return task.painter(*size) or SchematicPainter(task.layout, states, size)
+def painter(task: Task, states: FloatArray, size: tuple[int, int], stored: bool = True) -> Painter:
+    """Return the task's own painter, or the schematic of an episode (T, F) where it has none.
+
+    The schematic, too, where no simulator states are `stored`, of which the task could draw its picture.
+    """
+    own = task.painter(*size) if stored else None
+    return own or SchematicPainter(task.layout, states, size)
 
 
 def film_episode(task: Task, program: Program, take: RecordedEpisode, size: tuple[int, int] = SIZE) -> Iterator[Frame]:
@@ -143,10 +147,11 @@ def film_grid(
     for take in takes:
         _check(take)
     states = np.concatenate([take.states for take in takes])
+    stored = all(take.snapshots.shape[1] for take in takes)
     longest = max(len(take.states) for take in takes)
     shown: list[Frame] = [np.zeros((cell[1], cell[0], 3), dtype=np.uint8)] * len(takes)
     with ExitStack() as stack:
-        paint = stack.enter_context(closing(painter(task, states, cell)))
+        paint = stack.enter_context(closing(painter(task, states, cell, stored)))
         for index in range(longest):
             for place, take in enumerate(takes):
                 if index < len(take.states):

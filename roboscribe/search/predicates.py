@@ -39,6 +39,9 @@ FEW = 0.02
 """Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
 LEAST_SLACK = 0.001
 """The same in spreads, where all positives are alike."""
+ALIKE, STOP = 1 / 1000, 1 / 16
+"""Positives within the first share of the usual range stand at a stop; there slack is the second share of that range:
+they say where what moved was stopped, and nothing of how far short of there would do."""
 DIGITS = (3, 4, 5, 6)
 """Significant digits that a threshold may have."""
 HOPELESS = 0.5
@@ -163,16 +166,16 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    threshold, gap = bound(pos, neg, spread, before, ball(feature, sign))
+    usual = usual_range(np.concatenate([pos, neg, values.frames]))
+    threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)
-    usual = usual_range(np.concatenate([pos, neg, values.frames]))
     said = bits(pos, threshold, usual, feature, sign)
     if np.mean(values.lasts < threshold) >= AGREEMENT:
         settled = np.minimum(pos, values.lasts)
-        closer, _ = bound(settled, neg, spread, numbers=ball(feature, sign))
+        closer, _ = bound(settled, neg, spread, usual, numbers=ball(feature, sign))
         said = max(said, bits(settled, closer, usual, feature, sign))
     return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
@@ -219,7 +222,7 @@ def ball(feature: Feature, sign: float) -> int:
 
 
 def bound(
-    pos: FloatArray, neg: FloatArray, spread: float, before: FloatArray | None = None, numbers: int = 0
+    pos: FloatArray, neg: FloatArray, spread: float, usual: float, before: FloatArray | None = None, numbers: int = 0
 ) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
@@ -227,6 +230,7 @@ def bound(
         pos: (P,) values to lie below.
         neg: (M,) values that had better not.
         spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
+        usual: range of what the feature is otherwise, see `usual_range`.
         before: (P,) values right before the goal; those beyond the positives show that the goal is what sets them.
         numbers: of how many numbers the values are the length; 0 where they are none.
     """
@@ -234,7 +238,12 @@ def bound(
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
     width = extreme - float(pos.min())
-    slack = max(SLACK * width, unseen(len(pos), numbers) * (extreme if numbers else width), LEAST_SLACK * spread)
+    slack = max(
+        SLACK * width,
+        unseen(len(pos), numbers) * (extreme if numbers else width),
+        LEAST_SLACK * spread,
+        STOP * usual if width < ALIKE * usual and len(pos) > 1 else 0.0,  # one is always like itself
+    )
     for values in (neg, pos if before is None else before):
         near = values[values > extreme]
         if near.size and np.mean((values > extreme) & (values < extreme + slack)) > FEW:

@@ -67,7 +67,8 @@ def _candidate(
     settled = _settled(values, pos.max(), pairs)
     kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos[np.isfinite(pos)]
     # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
-    threshold, gap = bound(kept, worst, spread, before[np.isfinite(before)], ball(feature, sign))
+    usual = usual_range(values[np.isfinite(values)])
+    threshold, gap = bound(kept, worst, spread, usual, before[np.isfinite(before)], ball(feature, sign))
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -78,7 +79,7 @@ def _candidate(
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
-    said = bits(kept, threshold, usual_range(values[np.isfinite(values)]), feature, sign)
+    said = bits(kept, threshold, usual, feature, sign)
     lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
         predicate=predicate,

@@ -82,6 +82,11 @@ class Task(ABC):
     """Rows of a world beyond which running more at once gains nothing."""
 
     @property
+    def light(self) -> Task:
+        """The same task in a lighter simulator, to learn in: same states, about the same motions; else itself."""
+        return self
+
+    @property
     @abstractmethod
     def layout(self) -> Layout:
         """Objects and the columns of a state."""

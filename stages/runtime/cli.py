@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import MISSING, fields
 from pathlib import Path
 
 from roboscribe.errors import RoboScribeError
 from roboscribe.io.atomic import parse_json
 from roboscribe.stages.runtime.configuration import decode
 from roboscribe.stages.runtime.progress import Progress
+from roboscribe.stages.runtime.stage_help import stage_help
 from roboscribe.stages.runtime.store import AnyStage
 
 
@@ -36,11 +36,10 @@ def main(stage: AnyStage, arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser(stage: AnyStage) -> argparse.ArgumentParser:
-    known = [f"  {f.name}: {f.type}{'' if f.default is MISSING else f' = {f.default!r}'}" for f in fields(stage.config)]
     parser = argparse.ArgumentParser(
         prog=f"python -m roboscribe.stages.{stage.name}",
         description=(sys.modules[stage.run.__module__].__doc__ or "").strip(),
-        epilog="settings:\n" + "\n".join(known),
+        epilog=stage_help(stage),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--config", default="{}", help="settings: a JSON file, or JSON itself")

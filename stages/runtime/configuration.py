@@ -76,7 +76,7 @@ def _decode(kind: Any, value: Json, where: str) -> Any:  # noqa: ANN401 - annota
         return float(value)
     if isinstance(kind, type) and isinstance(value, kind) and isinstance(value, bool) == (kind is bool):
         return value
-    _refuse(where, value, str(getattr(kind, "__name__", kind)))
+    _refuse(where, value, _spelled(kind))
 
 
 def _union(kinds: tuple[Any, ...], value: Json, where: str) -> Any:  # noqa: ANN401 - as above
@@ -102,6 +102,13 @@ def _dataclass(kind: Any, value: Mapping[str, Json], where: str) -> Any:  # noqa
         return kind(**{name: _decode(hints[name], item, f"{where}.{name}") for name, item in value.items()})
     except TypeError as error:
         _refuse(where, str(error), ", ".join(sorted(names)))
+
+
+def _spelled(kind: Any) -> str:  # noqa: ANN401 - as above
+    """Say what a value of some annotation looks like; of a record, which names it has."""
+    if is_dataclass(kind):
+        return f"an object with {', '.join(field.name for field in fields(kind))}"
+    return str(getattr(kind, "__name__", kind))
 
 
 def _refuse(where: str, found: object, expected: str) -> NoReturn:

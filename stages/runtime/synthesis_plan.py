@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS, ROLLOUT_EPISODES
@@ -27,6 +27,8 @@ class SynthesisPlan:
         evaluation_episodes: episodes of the final evaluation.
         limits: accuracy asked and effort allowed.
         training: settings of the learners, but for the profile.
+        light: whether skills are learned and programs compared in the task's lighter simulator, where it has one; what
+            is found is evaluated in the task's own either way.
         video: whether an episode is filmed.
     """
 
@@ -39,7 +41,13 @@ class SynthesisPlan:
     evaluation_episodes: int = EVALUATION_EPISODES
     limits: Limits = field(default_factory=Limits)
     training: TrainConfig = field(default_factory=TrainConfig)
+    light: bool = True
     video: bool = True
+
+    @property
+    def practice(self) -> TaskConfig:
+        """Where skills are learned and programs compared."""
+        return replace(self.task, light=self.light)
 
     @property
     def program_name(self) -> str:

@@ -24,11 +24,13 @@ class TaskConfig:
         name: its name.
         contact: contact model.
         timing: simulator steps per control step.
+        light: in its lighter simulator, where it has one, see `Task.light`.
     """
 
     name: str
     contact: str = "stable"
     timing: str = "fast"
+    light: bool = False
 
     def make(self) -> Task:
         """Build the task.
@@ -36,7 +38,8 @@ class TaskConfig:
         Raises:
             TaskError: there is no such task or option.
         """
-        return make_task(self.name, contact=self.contact, timing=self.timing)
+        task = make_task(self.name, contact=self.contact, timing=self.timing)
+        return task.light if self.light else task
 
     def code(self) -> str:
         """Return the version of the task's code, wherever it lies: results of a task that was changed are stale."""

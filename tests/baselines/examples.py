@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from roboscribe.baselines.config import BaselineConfig, ChunkConfig, CloningConfig, OffPolicyConfig, SetConfig
+from roboscribe.dsl.rewrite import controllers
+from roboscribe.dsl.syntax import Program
 from roboscribe.world import Attribute, Layout, ObjectType
 from roboscribe.world.layout import FloatArray
 
@@ -28,3 +30,9 @@ TINY = BaselineConfig(
 def states_of(layout: Layout, count: int, seed: int = 0) -> FloatArray:
     """Draw states (count, F)."""
     return np.random.default_rng(seed).normal(size=(count, layout.size))
+
+
+def only_controller(program: Program) -> str:
+    """Name the controller of a program that is a single statement."""
+    (run,) = controllers(program)
+    return run.controller

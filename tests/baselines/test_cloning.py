@@ -17,7 +17,7 @@ from roboscribe.baselines.policy import Policy, as_program, to_parts
 from roboscribe.dsl.interpreter import execute
 from roboscribe.errors import ArtifactError, DemonstrationError
 from roboscribe.world import Trajectory
-from tests.baselines.examples import TINY
+from tests.baselines.examples import TINY, only_controller
 from tests.baselines.reach import Reach
 
 TASK = Reach()
@@ -37,7 +37,7 @@ def success(policy: Policy, task: Reach = TASK, episodes: int = 100) -> float:
     """Measure a policy."""
     program = as_program(policy.method)
     seeds = np.arange(10_000, 10_000 + episodes)
-    done = execute(program, {program.body.controller: policy}, task, seeds, limits={}, batch=100)
+    done = execute(program, {only_controller(program): policy}, task, seeds, limits={}, batch=100)
     return float(done.success.mean())
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from roboscribe.baselines.config import METHODS, SetConfig
 from roboscribe.baselines.discriminator import Discriminator
@@ -20,7 +21,8 @@ from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.printer import pretty
 from roboscribe.errors import ArtifactError
 from roboscribe.world import Layout
-from tests.baselines.examples import ARM, CUBE, KITCHEN, TINY, states_of
+from roboscribe.world.layout import FloatArray
+from tests.baselines.examples import ARM, CUBE, KITCHEN, TINY, only_controller, states_of
 from tests.rl.carry_world import Carry
 
 NOBODY = np.zeros((40, 0), np.int64)
@@ -54,7 +56,7 @@ def test_shuffled_entities_change_no_value_and_no_reward(order: tuple[int, ...])
     critic = SetCritic(3, tokenizer, TINY.network)
     judge = Discriminator(tokenizer, TINY.network, TINY.discriminator)
 
-    def answers(order: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    def answers(order: tuple[int, ...]) -> tuple[NDArray[np.generic], NDArray[np.generic]]:
         now, later = KITCHEN.permute(states, order), KITCHEN.permute(after, order)
         values = critic(torch.from_numpy(now).float(), actions)
         batch = Batch(now, actions.double().numpy(), later, np.zeros(40, bool), np.zeros(40, bool))
@@ -155,8 +157,8 @@ def test_an_episode_depends_on_its_seed_alone(kind: str) -> None:
         policy = chunk_policy("chunked-bc", task.layout, 2, TINY.chunks)  # type: ignore[assignment]  # another kind
     program = as_program(policy.method)
 
-    def states(batch: int) -> list[np.ndarray]:
-        done = execute(program, {program.body.controller: policy}, task, seeds, limits={}, batch=batch)
+    def states(batch: int) -> list[FloatArray]:
+        done = execute(program, {only_controller(program): policy}, task, seeds, limits={}, batch=batch)
         return [trajectory.states for trajectory in done.trajectories]
 
     for one, many in zip(states(1), states(3), strict=True):

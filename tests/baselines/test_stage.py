@@ -12,6 +12,7 @@ import pytest
 from roboscribe.baselines.config import METHODS, RECIPES, Method, method_named
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import ArtifactError, TaskError
+from roboscribe.evaluation import measure
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.saved_program import load_program, save_program
 from roboscribe.pipelines import cli
@@ -19,7 +20,7 @@ from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.programs import load_with_task
 from roboscribe.pipelines.workspace import Workspace
-from roboscribe.stages import baseline, evaluate
+from roboscribe.stages import baseline
 from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.runtime.files import OUTCOME, read_json
 from roboscribe.stages.runtime.journal import read_records
@@ -59,7 +60,7 @@ def test_what_a_method_saves_runs_on_other_towers(method: Method, demonstrations
     assert (manifest["kind"], manifest["method"], manifest["profile"]) == ("baseline", method, RECIPES[method].profile)
     assert (manifest["gradient_steps"], manifest["control_steps"]) == ((0, 40) if RECIPES[method].rollouts else (40, 0))
     program, where = load_with_task(out / DIRECTORY, "point-tower-5", "stable", "fast")
-    figures = evaluate.measure(program, where.make(), 0, 2).figures
+    figures = measure(program, where.make(), 0, 2).figures
     assert figures["episodes"] == 2
     assert {path.suffix for path in out.rglob("*") if path.is_file()} <= {".json", ".jsonl", ".txt", ".safetensors"}
 
@@ -127,7 +128,9 @@ def test_the_command(command: Callable[..., int], demonstrations: Path, tmp_path
     assert set(path.name for path in out.iterdir()) == {
         "controllers.safetensors", "manifest.json", "program.txt", "tree.json",
     }  # fmt: skip
-    assert load_program(out).manifest["figures"]["success"] == result["success"]
+    figures = load_program(out).manifest["figures"]
+    assert isinstance(figures, dict)
+    assert figures["success"] == result["success"]
     assert command("evaluate", out, "--episodes", 4, "--json", again) == 0
     measured = json.loads(again.read_text())
     assert (measured["task"], measured["success"]) == (TASK.name, result["success"])

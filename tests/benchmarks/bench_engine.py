@@ -54,9 +54,9 @@ class Watch:
 Turn = Callable[[], tuple[float, float]]
 
 
-def ours(blocks: int, timing: str) -> Turn:
+def ours(blocks: int, timing: str, *, arm: bool = True) -> Turn:
     """Prepare `ROWS` worlds; each call runs one episode of all of them."""
-    world = PickPlace("bench", blocks, contact="paper", timing=timing).world(ROWS)
+    world = PickPlace("bench", blocks, contact="paper", timing=timing, arm=arm).world(ROWS)
     rows = np.arange(ROWS)
     command = (multi_block_demonstrator.SINGLE if blocks == 1 else multi_block_demonstrator.SERVE).command
 
@@ -93,6 +93,7 @@ def main() -> None:
     """Print the table."""
     turns = {BASE: theirs(), OURS: ours(1, "faithful"), "fast, 1 block": ours(1, "fast")}
     turns |= {"faithful, 5 blocks": ours(5, "faithful"), "fast, 5 blocks": ours(5, "fast")}
+    turns |= {f"fast, hand alone, {count} block(s)": ours(count, "fast", arm=False) for count in (1, 5)}
     seen: dict[str, list[tuple[float, float]]] = {name: [] for name in turns}
     for _ in range(TURNS):
         for name, turn in turns.items():

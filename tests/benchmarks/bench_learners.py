@@ -63,7 +63,7 @@ class TimedWorld(World):
             setattr(self, name, watch.timed(getattr(world, name)))
 
     @property
-    def control_steps(self) -> int:
+    def control_steps(self) -> int:  # type: ignore[override]  # the wrapped world counts
         """Count of the wrapped world."""
         return self.inner.control_steps
 
@@ -88,7 +88,7 @@ class TimedTask(Task):
 
     def world(self, batch: int) -> World:
         """Build a timed world."""
-        return TimedWorld(self.inner.world(batch), self.watch)
+        return TimedWorld(self.inner.world(batch), self.watch)  # type: ignore[abstract]  # its methods are set
 
     def demonstrate(self, episodes: int, seed: int) -> list[Trajectory]:
         """Ask the wrapped task."""
@@ -140,7 +140,7 @@ def bench_sac(training: ProgramTraining, watch: Watch, rounds: int = 120) -> Fig
     _, pool, _ = training.pools(run, {}, UNBOUNDED)
     task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 2.0, config.worlds * rounds)
     learning, train = Watch(), SAC.train
-    SAC.train = learning.timed(train)  # type: ignore[method-assign] # the library has no hook around its updates
+    SAC.train = learning.timed(train)  # type: ignore[method-assign,assignment] # the library has no hook around its updates
     try:
         watch.seconds, start = 0.0, perf_counter()
         train_sac(training.fresh_skill(run, pool), task, config, 0)
@@ -170,7 +170,8 @@ def bench_inverse(training: ProgramTraining, watch: Watch) -> Figures:
     assert frames is not None
     rng, world = np.random.default_rng(0), training.task.world(64)
     watch.seconds, start = 0.0, perf_counter()
-    snapshots, entities = (np.repeat(each, config.tries, axis=0) for each in (frames.snapshots, frames.entities))
+    snapshots = np.repeat(frames.snapshots, config.tries, axis=0)
+    entities = np.repeat(frames.entities, config.tries, axis=0)
     data = probe(world, snapshots, entities, random_actions(1, len(snapshots), 4, rng))
     fitting = perf_counter()
     fit_inverse(training.spec(run, ALL_UNITS, ALL_UNITS), training.task.layout, data, config, 0)

@@ -41,4 +41,4 @@ def main(count: int = 40, *names: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]), *sys.argv[2:])
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 40, *sys.argv[2:])

@@ -47,7 +47,7 @@ def ours(timing: str) -> Turn:
 
 def theirs(episodes: int = 8) -> Turn:
     """Prepare one environment in a Python loop; each call runs some episodes."""
-    benchmark, policy = MT1(NAME, seed=0), SawyerDrawerOpenV3Policy()
+    benchmark, policy = MT1(NAME, seed=0), SawyerDrawerOpenV3Policy()  # type: ignore[no-untyped-call]  # Meta-World has none
     env = benchmark.train_classes[NAME]()
 
     def turn() -> tuple[float, float]:

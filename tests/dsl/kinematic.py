@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from roboscribe.dsl.interpreter import Controller
 from roboscribe.dsl.syntax import (
     And,
     Const,
@@ -87,7 +88,7 @@ class Carry:
         return np.hstack((np.clip(away / 0.05, -1, 1), np.ones((len(states), 1))))
 
 
-CONTROLLERS = {"hold": Reach(), "at": Carry()}
+CONTROLLERS: dict[str, Controller] = {"hold": Reach(), "at": Carry()}
 
 
 def _block(states: FloatArray, entity: IntArray, goal: bool = False) -> FloatArray:

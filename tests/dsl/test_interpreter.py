@@ -10,7 +10,7 @@ from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.syntax import Get, Program, Seq, Truth
 from roboscribe.errors import ProgramError
 from roboscribe.world import Trajectory
-from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from tests.dsl.kinematic import CONTROLLERS, PICK, PLACE, TOWER, B, Stacking, blocks
 
 PICK_AND_PLACE = Program("PickAndPlace", Seq((Get(B, "block", Truth()), PICK, PLACE)))
@@ -99,7 +99,7 @@ def test_after_the_end_the_last_controller_keeps_acting() -> None:
 
 def test_a_solved_start_needs_no_step_and_no_seeds_no_world() -> None:
     class Easy(Stacking):
-        def solved(self, states: FloatArray) -> np.ndarray:
+        def solved(self, states: FloatArray) -> BoolArray:
             return np.ones(states.shape[:-1], dtype=np.bool_)
 
     runs = execute(TOWER, CONTROLLERS, Easy(2), SEEDS, limits={}, batch=2)

@@ -120,6 +120,26 @@ def test_a_time_out_in_a_loop_asks_the_guard_again() -> None:
     assert machine.ended[0], "the guard found nothing at the next time-out"
 
 
+def test_what_took_too_long_waits_for_the_others() -> None:
+    loop = program("while ((b := get(λb:block. b↓x > 0.1)) ≠ null) { π_a(b) until μ↓x > 9.0 }")
+    machine = Machine(loop, TWO, 1, limits={"a": 1})
+    served = []
+    for _ in range(4):
+        observe(machine, state())
+        served.append(int(machine.entities(rows(0))[0, 0]))
+    assert served == [0, 1, 0, 1]
+    machine.reset(rows(0))
+    observe(machine, state())
+    assert machine.entities(rows(0)).tolist() == [[0]], "a new episode knows nothing of the last"
+
+
+def test_what_slipped_off_waits_for_what_was_not_served_yet() -> None:
+    loop = program("while ((b := get(λb:block. b↓x > 0.1)) ≠ null) { π_a(b) until μ↓x > 0.9 }")
+    machine = Machine(loop, TWO, 1, limits={}, confirm=1)
+    assert [observe(machine, state(x)) for x in (0.0, 1.0)] == [[0], [0]]
+    assert machine.entities(rows(0)).tolist() == [[1]], "b1 is asked for still, but b2 was never served"
+
+
 def test_a_time_out_in_straight_line_code_changes_nothing() -> None:
     machine = Machine(program(f"π_a() until {NEAR}; π_b() until ¬true"), TWO, 1, limits={"a": 1}, confirm=1)
     assert observe(machine, *[state()] * 4, state(0.6)) == [0, 0, 0, 0, 1]

@@ -49,7 +49,9 @@ def test_renaming_a_statement_follows_its_assignments() -> None:
     expected = "b' := get(λb':block. b↓z < b'↓z); π_hold(μ, b') until b'↓z < b↓z"
     assert rename(body, {"o": "b"}) == parse_statement(expected)
     assert rename(Proj(Goal(B), "z"), {"b": "v"}) == Proj(Goal(Var("v")), "z")
-    assert rename(PICK, {"b": "v"}).args == (MU, Var("v"))
+    renamed = rename(PICK, {"b": "v"})
+    assert isinstance(renamed, Run)
+    assert renamed.args == (MU, Var("v"))
 
 
 def test_negations_move_inwards_and_stop_at_atoms_and_quantifiers() -> None:

@@ -21,6 +21,7 @@ from roboscribe.dsl.syntax import (
     Not,
     NotNull,
     Or,
+    Predicate,
     Proj,
     Solved,
     Truth,
@@ -87,7 +88,7 @@ def test_a_difference_of_angles_is_wrapped_and_one_of_lengths_is_not() -> None:
 
 def test_connectives_and_the_quantifier() -> None:
     yes, no = Truth(), Not(Truth())
-    table = [And(yes, no), Or(no, yes), Or(no, no), Not(no)]
+    table: list[Predicate] = [And(yes, no), Or(no, yes), Or(no, no), Not(no)]
     assert [bool(holds(p, STATE, {}, TWO)) for p in table] == [False, True, False, True]
     assert holds(Exists(B, "block", HOLD), STATE, {}, TWO)
     assert not holds(Exists(B, "block", Greater(Proj(B, "z"), Const(4.0))), STATE, {}, TWO)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from roboscribe.envs.engine import CONTROL, INTEGRATION, Engine, columns, integration_state, thread_count
+from roboscribe.world.layout import FloatArray
 
 PENDULUM = """
 <mujoco>
@@ -46,7 +47,7 @@ def start(model: mujoco.MjModel, batch: int = 4) -> Engine:
     return engine
 
 
-def torque(*values: float) -> np.ndarray:
+def torque(*values: float) -> FloatArray:
     return np.array([[value, 0, 0, 1, 1, 0, 0, 0] for value in values])
 
 

@@ -29,6 +29,7 @@ def twins(seed: int) -> tuple[FetchWorld, SerialWorld]:
     ours = PickPlace("twin", 1, contact="paper", timing="faithful").world(1)
     state = ours.reset(ROW, np.array([seed]))[0]
     theirs = make_task("gym:FetchPickAndPlace-v4").world(1)
+    assert isinstance(theirs, SerialWorld)
     hand = ours.engine.sensors[0, :7]
     theirs.load(ROW, np.concatenate([ours.engine.states[0], hand, state])[None])
     return ours, theirs

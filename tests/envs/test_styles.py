@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -12,7 +13,8 @@ import pytest
 from roboscribe.envs import demonstrator, multi_block_demonstrator, single_block_demonstrator
 from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.demonstrator import DemonstrationAttempt, ScriptedTask, demonstrate
-from roboscribe.envs.performer import NEAR, PAUSE
+from roboscribe.envs.performer import PAUSE
+from roboscribe.envs.single_block_demonstrator import NEAR
 from roboscribe.envs.styles import DEFAULT, MIXED, STYLES, choices, style_names
 from roboscribe.errors import TaskError
 from roboscribe.io.validation import Screened, screen
@@ -102,9 +104,15 @@ def test_the_default_is_the_script_with_noise() -> None:
     assert (demonstrate(task(), 2, 7)[0].states == found.states).all()
 
 
+def actions(trajectory: Trajectory) -> FloatArray:
+    """Return the actions of a demonstration, which has some."""
+    assert trajectory.actions is not None
+    return trajectory.actions
+
+
 def test_brisk_is_faster_and_slow_is_slower() -> None:
     assert length("brisk") < length(DEFAULT) < length("slow") / 2
-    speeds = {name: [np.abs(t.actions[:, :3]).max() for t in shown(name)] for name in ("slow", DEFAULT)}
+    speeds = {name: [np.abs(actions(t)[:, :3]).max() for t in shown(name)] for name in ("slow", DEFAULT)}
     assert np.median(speeds["slow"]) < 0.55
     assert np.median(speeds[DEFAULT]) == 1.0
 
@@ -131,7 +139,7 @@ def test_pauses_stand_still_for_a_while() -> None:
 
 def test_detours_take_other_ways() -> None:
     def way(style: str) -> float:
-        return sum(np.linalg.norm(np.diff(t.states[:, HAND], axis=0), axis=1).sum() for t in shown(style))
+        return float(sum(np.linalg.norm(np.diff(t.states[:, HAND], axis=0), axis=1).sum() for t in shown(style)))
 
     assert way("detours") > 1.2 * way(DEFAULT)
 
@@ -196,7 +204,7 @@ def test_failures_are_broken_off_or_leave_a_dropped_block() -> None:
 
 
 def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
-    def digest(**settings: object) -> str:
+    def digest(**settings: Any) -> str:  # noqa: ANN401 - any field of the configuration
         return collect(
             Config(TaskConfig("pick-place-1"), 4, **{"style": MIXED, "failing": 0.5, **settings}), tmp_path / "d"
         )
@@ -208,7 +216,7 @@ def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
 def test_a_file_names_its_style(tmp_path: Path) -> None:
     def generator(config: Config) -> str:
         collect(config, tmp_path / "d")
-        return pq.read_metadata(tmp_path / "d").metadata[b"roboscribe.generator"].decode()
+        return str(pq.read_metadata(tmp_path / "d").metadata[b"roboscribe.generator"], "utf-8")
 
     usual, other = Config(TaskConfig("pick-place-1"), 2), Config(TaskConfig("pick-place-1"), 2, 0, "slow", 0.5)
     assert encode(usual) != encode(other)

@@ -8,6 +8,9 @@ import pytest
 from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.drawer import geometry, moves
 from roboscribe.envs.drawer.world import DrawerWorld
+from roboscribe.envs.suite.bench import bench
+from roboscribe.envs.suite.moves import BLOCK, HAND, OPENING, YAW, lift
+from roboscribe.envs.suite.request import parse
 from roboscribe.envs.suite.world import SuiteWorld
 from roboscribe.envs.tasks.robosuite import SuiteTask
 from roboscribe.errors import TaskError
@@ -42,6 +45,27 @@ def test_a_seed_decides_the_start_and_a_snapshot_the_rest(task: Task) -> None:
     assert world.control_steps == 8
 
 
+@pytest.mark.parametrize("name", ["Stack", "Door", "PlaceCubesDrawer", "Lift,robot=Sawyer,controller=OSC_POSE"])
+def test_short_steps_are_those_of_robosuite(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    one = bench(parse(name))
+    start, _ = one.reset(3)
+    actions = np.random.default_rng(0).uniform(-1, 1, size=(4, one.action_size))
+    assert one._substeps is not None
+    ends = []
+    for short in (one._substeps, None):
+        monkeypatch.setattr(one, "_substeps", short)
+        snapshot = start
+        for action in actions:
+            snapshot, state, good = one.step(snapshot, action)
+            assert good
+        ends.append(np.concatenate([snapshot, state]))
+    assert (ends[0] == ends[1]).all()
+
+
+def test_controllers_that_work_otherwise_keep_robosuites_own_steps() -> None:
+    assert bench(parse("Lift,controller=JOINT_POSITION"))._substeps is None
+
+
 def test_no_predicate_speaks_of_success() -> None:
     layout = make_task("robosuite:Stack").layout
     assert (ROBOT, "solved", False) in layout.columns
@@ -65,6 +89,14 @@ def test_scripts_solve_lift_and_stack(name: str, seed: int) -> None:
     task = make_task(f"robosuite:{name}")
     found = task.demonstrate(2, seed)
     assert all(task.solved(trajectory.states)[-1] for trajectory in found)
+
+
+@pytest.mark.parametrize(("yaw", "gap", "lifts"), [(0.0, 0.043, True), (0.0, 0.057, False), (np.pi / 4, 0.057, True)])
+def test_fingers_that_hold_a_block_across_its_edges_hold_it(yaw: float, gap: float, lifts: bool) -> None:
+    state = np.zeros((1, 14))
+    state[:, HAND] = state[:, BLOCK] = (0.0, 0.0, 0.83)
+    state[:, OPENING], state[:, YAW] = gap, yaw
+    assert bool(lift(state)[0, 2] > 0.5) is lifts
 
 
 def test_the_drawer_begins_as_the_batched_one_and_moves_alike() -> None:

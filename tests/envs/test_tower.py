@@ -38,12 +38,12 @@ def goals(states: FloatArray) -> FloatArray:
 
 def gaps(one: FloatArray, other: FloatArray) -> FloatArray:
     """Horizontal distances (E, N, M)."""
-    return np.linalg.norm(one[:, :, None, :2] - other[:, None, :, :2], axis=3)
+    return np.asarray(np.linalg.norm(one[:, :, None, :2] - other[:, None, :, :2], axis=3))
 
 
 def built(task: Task) -> FloatArray:
     """Make a state (F,) with every block at its goal and the hand high above."""
-    state = starts(task, 1)[0]
+    state: FloatArray = starts(task, 1)[0]
     objects = state[7:].reshape(-1, 12)
     objects[:, :3] = objects[:, 9:]
     state[:3] = objects[:, 9:].mean(axis=0) + np.array([0.0, 0.0, 0.6])
@@ -198,7 +198,7 @@ def test_shuffled_blocks_leave_the_demonstrations_as_they_are(name: str) -> None
     task = make_task(name)
     shown = task.demonstrate(4, seed=0)
     rng = np.random.default_rng(0)
-    shuffled = [t.renamed(tuple(int(i) for i in rng.permutation(task.blocks))) for t in shown]
+    shuffled = [t.renamed(tuple(int(i) for i in rng.permutation(len(task.layout.entities)))) for t in shown]
     plain, mixed = (Evidence.of(demonstrations, task.solved) for demonstrations in (shown, shuffled))
     assert not np.array_equal(plain.states, np.concatenate([t.states for t in shuffled]))
     assert np.array_equal(plain.states, mixed.states)

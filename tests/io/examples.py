@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -48,7 +49,7 @@ class Carry(Task):
     def solved(self, states: FloatArray) -> BoolArray:
         """Both boxes are near; a goal that is not given is never reached."""
         near = [np.linalg.norm(states[..., b] - states[..., g], axis=-1) < 0.05 for b, g in ((B1, G1), (B2, G2))]
-        return np.logical_and(*near)
+        return np.asarray(near[0] & near[1])
 
     def world(self, batch: int) -> World:
         """Not simulated."""
@@ -98,7 +99,7 @@ def replaced(table: pa.Table, column: str, values: Sequence[object], kind: pa.Da
     return table.set_column(place, field, pa.array(values, field.type))
 
 
-def mapped(table: pa.Table, column: str, change: Callable[[int, object], object]) -> pa.Table:
+def mapped(table: pa.Table, column: str, change: Callable[[int, Any], object]) -> pa.Table:
     """Replace each value of a column by a function of its row and itself."""
     values = [change(row, value) for row, value in enumerate(table.column(column).to_pylist())]
     return replaced(table, column, values)
@@ -134,7 +135,7 @@ def interrupted(
         return child
     lines = iter(range(1, sys.maxsize))
 
-    def trace(frame: FrameType, event: str, _: object) -> object:
+    def trace(frame: FrameType, event: str, _: object) -> Any:  # noqa: ANN401 - typeshed wants itself
         if frame.f_code.co_filename != atomic.__file__ or frame.f_code.co_name != (within or frame.f_code.co_name):
             return None
         if event == "line" and next(lines) == step:

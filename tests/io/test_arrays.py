@@ -24,6 +24,8 @@ def test_arrays_survive_a_file(tmp_path: Path) -> None:
     assert len(read) == 3
     for mine, theirs in zip(given.trajectories, read.trajectories, strict=True):
         np.testing.assert_array_equal(mine.states, theirs.states)
+        assert mine.actions is not None
+        assert theirs.actions is not None
         np.testing.assert_array_equal(mine.actions, theirs.actions)
 
 

@@ -52,7 +52,7 @@ def test_pandas_opens_the_file(tmp_path: Path) -> None:
     assert list(frame["episode_index"]) == [0] * 12 + [1] * 12
     assert list(frame["frame_index"]) == [*range(12), *range(12)]
     np.testing.assert_array_equal(frame["timestamp"], np.tile(np.arange(12) / 25, 2))
-    np.testing.assert_array_equal(np.stack(frame["b1.position"])[12:], trajectories[1].states[:, B1])
+    np.testing.assert_array_equal(np.stack(list(frame["b1.position"]))[12:], trajectories[1].states[:, B1])
     assert frame["action"].isna().to_numpy().nonzero()[0].tolist() == [11, 23]
 
 

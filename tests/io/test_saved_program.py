@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -102,7 +103,7 @@ def test_other_files_of_the_directory_stay(tmp_path: Path) -> None:
         ({"program_text": "x" * (2 << 20)}, r"program.txt: has 2097152 bytes; expected at most 1048576"),
     ],
 )
-def test_what_could_not_be_loaded_is_not_saved(tmp_path: Path, change: dict[str, object], message: str) -> None:
+def test_what_could_not_be_loaded_is_not_saved(tmp_path: Path, change: dict[str, Any], message: str) -> None:
     with pytest.raises(ArtifactError, match=message):
         save_program(tmp_path, replace(PROGRAM, **change))
     assert list(tmp_path.iterdir()) == []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -189,9 +191,9 @@ def test_ascii_spellings_read_the_same(node: Node) -> None:
     plain = text(node)
     for symbol, ascii_spelling in table.items():
         plain = plain.replace(symbol, ascii_spelling)
-    read = {Program: parse_program}.get(
-        type(node), parse_statement if isinstance(node, Seq | While | If | Get | Run) else parse_predicate
-    )
+    statement = isinstance(node, Seq | While | If | Get | Run)
+    read: Callable[[str], Node] = parse_statement if statement else parse_predicate
+    read = parse_program if isinstance(node, Program) else read
     assert read(plain.replace("π_", "pi_").replace("pi_x", "π_x").replace("ψ_R", "psi_R")) == node
 
 

@@ -52,7 +52,7 @@ def test_names_stay_what_they_are_when_modules_are_imported() -> None:
 
 def test_an_unknown_name_is_told_what_there_is() -> None:
     with pytest.raises(AttributeError, match=r"no attribute 'learn'; expected one of .*synthesize"):
-        _ = roboscribe.learn  # type: ignore[attr-defined]  # that is the point
+        _ = roboscribe.learn
 
 
 def test_notebooks_learn_to_show_programs_and_trees(monkeypatch: pytest.MonkeyPatch) -> None:

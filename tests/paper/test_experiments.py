@@ -156,8 +156,8 @@ def test_only_the_guard_is_learned_again(tmp_path: Path, monkeypatch: pytest.Mon
     assert list(found.index) == ["old guard", "new guard"]
     assert found.loc["new guard", "successes"] == 20
     assert found.loc["new guard", "n_demonstrations"] == 30
-    assert "∃b'" not in found.loc["old guard", "loop"]
-    assert "g(b')↓z < g(b)↓z" in found.loc["new guard", "loop"]
+    assert "∃b'" not in str(found.loc["old guard", "loop"])
+    assert "g(b')↓z < g(b)↓z" in str(found.loc["new guard", "loop"])
     before = contents(tmp_path / "report")
     measure_confined(experiment, options, context(tmp_path), Console(file=io.StringIO()))
     assert contents(tmp_path / "report") == before
@@ -179,7 +179,7 @@ def killed(home: Path, label: str) -> None:
 
             original(self, hear, *others)  # type: ignore[arg-type]  # the other two callbacks
 
-        Callbacks.__init__ = listening  # type: ignore[method-assign]  # in this process only, which dies
+        Callbacks.__init__ = listening  # type: ignore[method-assign,assignment]  # in this process only, which dies
         conduct(draw_curves, SMALL, home)
 
     process = multiprocessing.get_context("fork").Process(target=work)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import yaml
+from prefect.exceptions import ParameterTypeError
 from rich.console import Console
 
 from roboscribe.errors import TaskError
 from roboscribe.pipelines.paper import everything
 from roboscribe.pipelines.paper.experiment import ExperimentContext, ExperimentResult, Options
-from roboscribe.pipelines.paper.schedule import SCHEDULES, scheduled, serve_schedules
+from roboscribe.pipelines.paper.methods import every_method
+from roboscribe.pipelines.paper.schedule import EVERYTHING, SCHEDULES, Experiment, scheduled, serve_schedules
 from roboscribe.pipelines.workspace import Workspace
 from tests.pipelines.runs import Command
 
@@ -75,7 +78,21 @@ def test_a_scheduled_run_does_an_experiment(
     with pytest.raises(TaskError, match="nothing separates"):
         scheduled.fn("all", home=str(tmp_path))
     with pytest.raises(TaskError, match="unknown experiment 'tables'"):
-        scheduled.fn("tables")
+        scheduled.fn("tables")  # type: ignore[arg-type]  # that is the point
+
+
+def test_the_form_of_the_page_offers_what_there_is() -> None:
+    """Prefect makes its form from this, and refuses the rest before a run begins."""
+    fields = scheduled.parameters.model_dump()["properties"]
+    assert fields["experiment"]["enum"] == list(get_args(Experiment))
+    assert set(get_args(Experiment)) == {EVERYTHING, *everything.EXPERIMENTS}
+    offered = [choice for way in fields["methods"]["anyOf"] for choice in way.get("items", {}).get("enum", ())]
+    assert set(offered) == set(every_method())
+    assert (fields["seeds"]["minimum"], fields["seeds"]["maximum"]) == (1, 100)
+    assert "all" in fields["experiment"]["description"]
+    for wrong in ({"experiment": "tables"}, {"seeds": 0}, {"methods": ["ppo"]}):
+        with pytest.raises(ParameterTypeError):
+            scheduled.validate_parameters(wrong)
 
 
 def test_without_a_server_nothing_is_offered(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

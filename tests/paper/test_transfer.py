@@ -11,17 +11,19 @@ import pytest
 from PIL import Image
 
 from roboscribe.errors import ArtifactError
+from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import SavedProgram, save_program
 from roboscribe.stages import transfer
 from roboscribe.stages.paper.report import About, report_files
 from roboscribe.stages.paper.towers import Measurement, draw, report, summarise, tabulate
 from roboscribe.stages.paper.values import RENN, TASKS, paper_success
 from roboscribe.stages.runtime.files import OUTCOME, read_json
+from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import Store
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.steps import wilson
 
-ABOUT = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
+ABOUT: dict[str, Json] = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
 
 
 def test_the_paper_s_figures() -> None:
@@ -43,7 +45,7 @@ def test_an_idle_program_builds_no_tower(tmp_path: Path) -> None:
     """It runs in the physics of a tower, for as long as the task gives it, and is found in the store again."""
     save_program(tmp_path / "idle", SavedProgram("def P(μ : EE):\n  skip\n", {}, {}, {}, ABOUT))
     config = transfer.Config(TaskConfig("tower-2"), seed=1, evaluation_episodes=2)
-    store, told = Store(tmp_path / "store"), []
+    store, told = Store(tmp_path / "store"), list[Progress]()
     out = store.run(transfer.STAGE, config, transfer.inputs_of(tmp_path / "idle"), told.append)
     figures = read_json(out / OUTCOME)
     assert (figures["successes"], figures["episodes"]) == (0, 2)
@@ -54,7 +56,8 @@ def test_an_idle_program_builds_no_tower(tmp_path: Path) -> None:
 
 
 def test_files_of_two_programs_do_not_mix(tmp_path: Path) -> None:
-    for name, tree in (("one", {}), ("two", {"nodes": []})):
+    trees: dict[str, dict[str, Json]] = {"one": {}, "two": {"nodes": []}}
+    for name, tree in trees.items():
         save_program(tmp_path / name, SavedProgram("def P(μ : EE):\n  skip\n", tree, {}, {}, ABOUT))
     inputs = {**transfer.inputs_of(tmp_path / "one"), "tree": tmp_path / "two" / "tree.json"}
     with pytest.raises(ArtifactError, match=r"tree\.json: was changed"):

@@ -43,4 +43,4 @@ def statuses(mlruns: Path) -> dict[object, object]:
 def points(mlruns: Path, key: str) -> list[tuple[object, ...]]:
     """Return run name, step and value of a metric, in order."""
     query = f"select r.name, m.step, m.value from metrics m join runs r using (run_uuid) where m.key = '{key}'"
-    return sorted(rows(mlruns, query))  # type: ignore[type-var]  # text and numbers
+    return sorted(rows(mlruns, query))

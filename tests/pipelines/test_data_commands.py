@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from PIL import Image
 
 from roboscribe.io import sha256_of
 from roboscribe.io.formats.table import FORMATS
@@ -120,3 +121,19 @@ def test_an_export_goes_nowhere_where_something_is(command: Command, demos: Path
     (tmp_path / "set").mkdir()
     assert command("export", demos, "--format", "lerobot", "--out", tmp_path / "set") == 2
     assert list((tmp_path / "set").iterdir()) == []
+
+
+def test_demonstrations_are_filmed(
+    command: Command, demos: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    film = tmp_path / "shown.gif"
+    assert command("demos", "replay", demos, "--out", film, "--grid", "2x1", "--episode", 6) == 0
+    assert "demonstrations 6 to 7" in capsys.readouterr().out
+    with Image.open(film) as opened:
+        frames, size = getattr(opened, "n_frames", 1), opened.size
+    lengths = pd.read_parquet(demos).groupby("episode_index").size()
+    assert frames >= max(lengths[6], lengths[7]) - 1
+    assert size[0] > size[1]
+    assert command("demos", "replay", demos, "--out", film, "--episode", 8) == 2
+    assert "there are 8, numbered from 0" in capsys.readouterr().err
+    assert command("demos", "replay", demos, "--out", tmp_path / "x.pdf") == 2

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from http.client import HTTPConnection, HTTPException
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mlflow import MlflowClient
@@ -35,7 +36,7 @@ needs_app = pytest.mark.skipif(
 
 def test_the_line_stands_first_in_the_page() -> None:
     start = {"type": "http.response.start", "status": 200, "headers": [(b"Content-Length", b"7")]}
-    parts = [{"body": b"<html><he", "more_body": True}, {"body": b"ad></head></html>"}]
+    parts: list[dict[str, Any]] = [{"body": b"<html><he", "more_body": True}, {"body": b"ad></head></html>"}]
     first, second = edited([start, *parts])
     assert second["body"] == b"<html>" + HEAD + SCRIPT + b"</head></html>"
     assert first["headers"] == [(b"content-length", str(len(second["body"])).encode())]

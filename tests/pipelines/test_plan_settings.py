@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from roboscribe.errors import ArtifactError, TaskError
+from roboscribe.io.atomic import Json
 from roboscribe.pipelines.seed_sweep import Outcome, parse_seeds, summary
 from roboscribe.pipelines.synthesis_pipeline import command
 from roboscribe.rl.config import SacConfig, TrainConfig
@@ -99,7 +100,8 @@ def test_what_is_no_seeds_is_refused(text: str) -> None:
 
 
 def test_the_table_of_a_sweep() -> None:
-    solved = {"success": 0.9, "ci_low": 0.8, "ci_high": 1.0, "refinements": 2, "env_steps": 5, "program_dir": "/p"}
+    rates: dict[str, Json] = {"success": 0.9, "ci_low": 0.8, "ci_high": 1.0}
+    solved: dict[str, Json] = {**rates, "refinements": 2, "env_steps": 5, "program_dir": "/p"}
     outcomes = [Outcome(0, 0, {"seed": 0, **solved, "wall_seconds": 1.6}), Outcome(1, 3, {"seed": 1, "reason": "no"})]
     title, first, second, mean = summary(outcomes)
     assert title.split() == ["seed", "success", "refinements", "steps", "seconds", "program"]

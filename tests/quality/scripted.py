@@ -47,7 +47,9 @@ def spreads(program: Program, tree: Tree, name: str) -> dict[str, float]:
     """Scales of a node, by the terms that its controller's `until` is about."""
     until = next(run.until for run in controllers(program) if run.controller == name)
     node = next((node for node in tree.nodes if node.name == name), None)
-    pairs = zip(atoms(until), atoms(node.predicate), strict=True) if node else ()
+    if node is None:
+        return {}
+    pairs = zip(atoms(until), atoms(node.predicate), strict=True)
     return {str(atom_term(mine)): node.scales[str(atom_term(theirs))] for mine, theirs in pairs}
 
 

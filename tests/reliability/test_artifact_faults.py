@@ -17,7 +17,7 @@ import pytest
 
 from roboscribe.errors import ArtifactError
 from roboscribe.io import SavedProgram, canonical_json, load_program, save_program
-from roboscribe.io.atomic import sha256_of_bytes
+from roboscribe.io.atomic import Json, sha256_of_bytes
 from tests.io.examples import kill_everywhere
 
 PROGRAM = SavedProgram(
@@ -62,7 +62,7 @@ def forge(directory: Path, name: str, data: bytes) -> None:
     forge_manifest(directory, manifest)
 
 
-def forge_manifest(directory: Path, manifest: dict[str, object]) -> None:
+def forge_manifest(directory: Path, manifest: dict[str, Json]) -> None:
     """Replace the manifest by one whose digest is right."""
     stated = {key: value for key, value in manifest.items() if key != "digest"}
     digest = sha256_of_bytes(canonical_json(stated).encode())
@@ -220,7 +220,7 @@ def test_row_19_a_safetensors_header_that_promises_too_much_is_refused(saved: Pa
         ),
     ],
 )
-def test_a_manifest_of_another_shape_is_refused(saved: Path, change: dict[str, object], message: str) -> None:
+def test_a_manifest_of_another_shape_is_refused(saved: Path, change: dict[str, Json], message: str) -> None:
     manifest = json.loads((saved / "manifest.json").read_text())
     forge_manifest(saved, {**manifest, **change})
     refuse(saved, message)

@@ -11,16 +11,18 @@ import pytest
 
 from roboscribe.errors import RoboScribeError
 from roboscribe.io import load_program, read_demonstrations, write_files
+from roboscribe.io.atomic import Json
+from roboscribe.io.saved_program import save_program
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.stages.runtime.journal import Journal, read_records
 from roboscribe.stages.runtime.store import MANIFEST, Store
 from roboscribe.stages.tracking.mlflow_store import STATE, open_sync
 from tests.conftest import Figure, effort
 from tests.io.examples import TASK, carried, write
-from tests.pipelines.stores import empty_store
-from tests.reliability.test_artifact_faults import PROGRAM, save_program
+from tests.pipelines.stores import empty_store, points
+from tests.reliability.test_artifact_faults import PROGRAM
 from tests.reliability.test_demonstration_faults import flipped
-from tests.reliability.test_tracking import CURVE, expected, points, tell, tracker
+from tests.reliability.test_tracking import CURVE, expected, tell, tracker
 from tests.stages.test_store import Config, Counting
 
 Read = Callable[[], object]
@@ -116,7 +118,9 @@ def test_row_6_stages(tmp_path: Path, name: str, figure: Figure) -> None:
 def test_row_6_journals(tmp_path: Path, figure: Figure) -> None:
     """Records before the damage are as they were; those behind it are told again when the run goes on."""
     path = tmp_path / "journal.jsonl"
-    told = [{"run": "", "kind": "metric", "key": f"k{i}", "value": i / 7, "step": i} for i in range(12)]
+    told: list[dict[str, Json]] = [
+        {"run": "", "kind": "metric", "key": f"k{i}", "value": i / 7, "step": i} for i in range(12)
+    ]
 
     def tell_all() -> object:
         journal = Journal(path, ("run", "kind", "key", "step"))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -99,12 +101,12 @@ def test_row_6_flips_in_a_file_without_a_seal_never_change_a_value_silently(path
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_row_7_nan_and_infinity_are_located(path: Path, value: float) -> None:
-    def put(part: int) -> Callable[[int, object], object]:
+    def put(part: int) -> Callable[[int, Any], object]:
         return lambda row, old: [*old[:part], value, *old[part + 1 :]] if row == ROW else old
 
     data = path.read_bytes()
     for column, name in (("b1.position", "b1.position.y"), ("g(b2).position", r"g\(b2\).position.y")):
-        rewrite(path, lambda table, column=column: mapped(table, column, put(1)))
+        rewrite(path, partial(mapped, column=column, change=put(1)))
         refuse(path, rf"episode 2, frame 4, column {name}: found {value:g}, expected a finite number")
         path.write_bytes(data)
     rewrite(path, lambda table: mapped(table, "mu.opening", lambda row, old: value if row == ROW else old))

@@ -15,9 +15,9 @@ from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.errors import ArtifactError, DemonstrationError, ProgramError
 from roboscribe.io.schema import check_metadata, describe, lengths_of
 from roboscribe.stages.runtime.configuration import decode, encode
-from roboscribe.stages.runtime.serialization import tree_from_json
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.tree_json import tree_from_json
 from tests.conftest import Figure, effort
 from tests.io.examples import LAYOUT, TASK
 

@@ -14,12 +14,45 @@ import pytest
 
 from roboscribe.stages.tracking.mlflow_store import synchronise
 from tests.pipelines.stores import empty_store, statuses
-from tests.reliability.terminal import CTRL_C, ROOT, open_terminal
+from tests.reliability.terminal import CTRL_C, ROOT, Terminal, open_terminal
 from tests.reliability.test_runs import told_statuses
 
 SECONDS = 2.5
 """Seconds from Ctrl-C to the prompt: the orderly end may take 1.5, and test machines are busy."""
 COMMAND = ["synthesize", "point-pick-place-1", "--profile", "scripted", "--episodes", "100000"]
+
+
+SWEEP = ["--seeds", "0-2", "--jobs", "2", "--engine", "local"]
+
+
+def ends_in_order(terminal: Terminal) -> None:
+    """Press Ctrl-C, and expect the prompt soon, with one line that says how to go on."""
+    codes: list[int | None] = []
+
+    def over() -> bool:
+        codes.append(terminal.ended())
+        return codes[-1] is not None
+
+    pressed = time.monotonic()
+    terminal.press(CTRL_C)
+    terminal.wait_for(over)
+    assert time.monotonic() - pressed < SECONDS
+    assert codes[-1] == 130
+    terminal.read(0.1)
+    assert b"interrupted; the same command goes on from here" in terminal.shown
+    assert b"Traceback" not in terminal.shown
+
+
+@pytest.mark.torture
+def test_row_16_ctrl_c_in_a_sweep_of_seeds(tmp_path: Path) -> None:
+    """Each seed is a process of its own; none outlives the command, and the logs say nothing of tracebacks."""
+    terminal = open_terminal([*COMMAND, *SWEEP, "--home", str(tmp_path)])
+    terminal.wait_for(lambda: len(list((tmp_path / "data").glob("stages/ingest/*/manifest.json"))) == 2)
+    ends_in_order(terminal)
+    assert psutil.wait_procs(terminal.family, timeout=120)[1] == []
+    logs = [path.read_text() for path in (tmp_path / "data" / "runs").glob("*/seed-*.log")]
+    assert len(logs) == 2, "the third seed never began"
+    assert not any("Traceback" in log for log in logs)
 
 
 @pytest.mark.torture
@@ -28,15 +61,7 @@ def test_row_16_ctrl_c_on_the_default_engine(tmp_path: Path) -> None:
     empty_store(tmp_path / "mlruns")
     terminal = open_terminal([*COMMAND, "--home", str(tmp_path)])
     terminal.wait_for(lambda: any((tmp_path / "data").glob("stages/roll_out/*/manifest.json")))
-    pressed = time.monotonic()
-    terminal.press(CTRL_C)
-    codes: list[int | None] = []
-    terminal.wait_for(lambda: codes.append(terminal.ended()) or codes[-1] is not None)
-    assert time.monotonic() - pressed < SECONDS
-    assert codes[-1] == 130
-    terminal.read(0.1)
-    assert b"interrupted; the same command goes on from here" in terminal.shown
-    assert b"Traceback" not in terminal.shown
+    ends_in_order(terminal)
     servers = [child for child in terminal.family if child.is_running() and "prefect" in " ".join(child.cmdline())]
     assert psutil.wait_procs(servers, timeout=5)[1] == []
     assert psutil.wait_procs(terminal.family, timeout=120)[1] == [], "the copying process ends when all is copied"

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -50,12 +51,18 @@ def start(
     return process
 
 
+def _is_over(moments: Iterator[int], path: str) -> bool:
+    """Tell whether there are no moments left."""
+    del path
+    return next(moments, None) is None
+
+
 def stopped_until_done(plan: SynthesisPlan, home: Path, seed: int, sent: int = signal.SIGKILL) -> int:
     """Run a plan again and again, each time stopped before one of its next writes; returns how often it was stopped."""
     rng = np.random.default_rng(seed)
     for stops in range(60):
         moments = iter(range(int(rng.integers(1, 20 * (stops + 1)))))
-        process = start(plan, home, lambda path, moments=moments: next(moments, None) is None, sent)
+        process = start(plan, home, partial(_is_over, moments), sent)
         process.join()
         if process.exitcode == 0:
             return stops

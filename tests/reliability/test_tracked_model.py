@@ -89,17 +89,21 @@ def test_the_success_of_every_program_is_a_curve_over_control_steps(home: Path, 
 
 
 def test_the_demonstrations_are_a_dataset_that_can_be_found_again(client: MlflowClient) -> None:
-    (entry,) = parent(client).inputs.dataset_inputs
+    given = parent(client).inputs
+    assert given is not None
+    (entry,) = given.dataset_inputs
     source = mlflow.data.get_source(entry)
     assert Path(source.load()).name == "demonstrations.parquet"
-    columns = {column["name"]: column for column in json.loads(entry.dataset.schema)["mlflow_colspec"]}
+    columns = {column["name"]: column for column in json.loads(str(entry.dataset.schema))["mlflow_colspec"]}
     assert columns["mu.position"]["items"] == {"type": "double"}
     assert columns["mu.opening"]["type"] == "double"
-    assert json.loads(entry.dataset.profile)["num_rows"] > 100
+    assert json.loads(str(entry.dataset.profile))["num_rows"] > 100
 
 
 def test_the_model_acts_in_a_fresh_process(home: Path, client: MlflowClient) -> None:
-    (output,) = parent(client).outputs.model_outputs
+    outputs = parent(client).outputs
+    assert outputs is not None
+    (output,) = outputs.model_outputs
     words = [sys.executable, "-c", LOAD, database_uri(home / "mlruns"), output.model_id]
     ended = subprocess.run(words, cwd=home, capture_output=True, text=True, check=True)
     columns, actions, signature = json.loads(ended.stdout)

@@ -56,7 +56,7 @@ def expected(steps: range) -> list[tuple[object, ...]]:
 
 def test_every_step_is_a_run_or_a_figure(tmp_path: Path) -> None:
     """A whole synthesis: parent, one child per refinement and training, evaluation; same parameters on each."""
-    mlruns, trained, refined = empty_store(tmp_path / "mlruns"), [], []
+    mlruns, trained, refined = empty_store(tmp_path / "mlruns"), list[str](), list[str]()
 
     def note(event: Event) -> None:
         match event:

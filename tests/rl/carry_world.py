@@ -88,7 +88,7 @@ class Carry(Task):
 
     def solved(self, states: FloatArray) -> BoolArray:
         gaps = [states[..., i : i + 2] - states[..., i + 2 : i + 4] for i in range(2, states.shape[-1], 4)]
-        return np.all([np.linalg.norm(gap, axis=-1) < THERE for gap in gaps], axis=0)
+        return np.asarray(np.all([np.linalg.norm(gap, axis=-1) < THERE for gap in gaps], axis=0))
 
     def world(self, batch: int) -> CarryWorld:
         return CarryWorld(batch, self.blocks)
@@ -98,7 +98,7 @@ class Carry(Task):
 
     def _episode(self, rng: np.random.Generator) -> Trajectory:
         world, row = self.world(1), np.zeros(1, np.int64)
-        states, actions = [world.reset(row, rng.integers(2**31, size=1))[0]], []
+        states, actions = [world.reset(row, rng.integers(2**31, size=1))[0]], list[FloatArray]()
         while not self.solved(states[-1]) and len(actions) < self.horizon:
             hand, block, goal = states[-1][:2], states[-1][2:4], states[-1][4:6]
             way = goal - block if np.linalg.norm(block - hand) < NEAR else block - hand

@@ -1,9 +1,11 @@
 """Actions inferred from states alone."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
@@ -23,7 +25,7 @@ QUICK = InverseConfig(steps=400, hidden=(32, 32), tries=4)
 SPEC = observation_spec(controllers(PROGRAM)[1], {"b": "block"}, layout(), ALL_UNITS)
 
 
-def snapshots(count: int, seed: int) -> np.ndarray:
+def snapshots(count: int, seed: int) -> NDArray[np.floating[Any]]:
     states = np.random.default_rng(seed).uniform(-0.3, 0.3, (count, 6))
     return np.concatenate([states, np.zeros((count, 1))], axis=1)
 

@@ -76,11 +76,22 @@ def test_a_skill_that_nothing_was_seen_of_has_numbers_all_the_same() -> None:
 
 def test_fitted_features_have_mean_zero_and_spread_one() -> None:
     rng = np.random.default_rng(0)
-    states, entities = rng.normal(3, 2, (500, 10)), rng.integers(2, size=(500, 1))
+    states, entities = rng.uniform(1, 5, (500, 10)), rng.integers(2, size=(500, 1))
     spec = observation_spec(HOLD, {"b": "block"}, layout(2)).fitted(layout(2), states, entities)
     inputs = Encoder(spec, layout(2))(states, entities)[:, :2]
     np.testing.assert_allclose(inputs.mean(axis=0), 0, atol=1e-5)
     np.testing.assert_allclose(inputs.std(axis=0), 1, atol=1e-3)
+
+
+def test_what_no_demonstration_came_near_is_seen_at_the_bound() -> None:
+    """A hand a metre away is seen where it would be a few spreads away, on the same side."""
+    rng = np.random.default_rng(0)
+    spec = observation_spec(HOLD, {"b": "block"}, layout(1))
+    spec = spec.fitted(layout(1), rng.uniform(-0.1, 0.1, (500, 6)), np.zeros((500, 1), int))
+    far = np.zeros((2, 6))
+    far[0, :2], far[1, :2] = 1.0, 100.0
+    near, further = Encoder(spec, layout(1))(far, np.zeros((2, 1), int))
+    np.testing.assert_array_equal(near, further)
 
 
 def test_a_constant_feature_does_not_explode() -> None:

@@ -3,9 +3,11 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
@@ -36,7 +38,7 @@ def problem(limit: int = 15, target: float = 2.0, budget: int = 320) -> tuple[Le
     return task, initial_skill(Skill("hold", fitted, (), TASK.layout), 2, (32, 32), 0)
 
 
-def weights(skill: Skill) -> np.ndarray:
+def weights(skill: Skill) -> NDArray[np.floating[Any]]:
     return np.concatenate([array.ravel() for layer in skill.layers for array in layer])
 
 

@@ -2,10 +2,12 @@
 
 import json
 from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
@@ -69,6 +71,9 @@ def test_relu_skills_round_trip_too() -> None:
     assert Skill.from_parts("at", description, arrays, layout(1)).activation == "relu"
 
 
+Array: TypeAlias = NDArray[np.floating[Any]]
+
+
 @pytest.mark.parametrize(
     ("name", "change"),
     [
@@ -79,7 +84,7 @@ def test_relu_skills_round_trip_too() -> None:
         ("2.weight", lambda array: array.astype(np.float64)),
     ],
 )
-def test_weights_that_do_not_fit_are_refused(name: str, change: Callable[[np.ndarray], np.ndarray]) -> None:
+def test_weights_that_do_not_fit_are_refused(name: str, change: Callable[[Array], Array]) -> None:
     description, arrays = skill().to_parts()
     with pytest.raises(ArtifactError, match="at"):
         Skill.from_parts("at", description, arrays | {name: change(arrays[name])}, layout(1))

@@ -1,5 +1,7 @@
 """A skill's environment: what ends an attempt, what is paid, where it starts."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -8,13 +10,14 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill_env import SkillEnv, evaluate_skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
+from roboscribe.world.layout import FloatArray, IntArray
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, Direct
 
 TASK = Carry()
 GAMMA = 0.9
 
 
-def pool(states: np.ndarray, elapsed: int = 0) -> StartPool:
+def pool(states: FloatArray, elapsed: int = 0) -> StartPool:
     count = len(states)
     snapshots = np.concatenate([states, np.zeros((count, 1))], axis=1)
     return StartPool(
@@ -22,13 +25,13 @@ def pool(states: np.ndarray, elapsed: int = 0) -> StartPool:
     )
 
 
-def env(subtask: Subtask, states: np.ndarray, elapsed: int = 0) -> SkillEnv:
+def env(subtask: Subtask, states: FloatArray, elapsed: int = 0) -> SkillEnv:
     made = SkillEnv(subtask, pool(states, elapsed), 1, GAMMA, np.random.default_rng(0))
     made.restart()
     return made
 
 
-def hold(limit: int = 20, **options: object) -> Subtask:
+def hold(limit: int = 20, **options: Any) -> Subtask:  # noqa: ANN401 - any field
     return Subtask(TASK, HOLD, ("b",), limit, **options)
 
 
@@ -167,7 +170,7 @@ def test_starts_of_the_second_skill_are_where_the_first_has_arrived() -> None:
 
 def test_a_prefix_that_never_arrives_gives_an_empty_pool() -> None:
     class Idle:
-        def act(self, states: np.ndarray, entities: np.ndarray) -> np.ndarray:
+        def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
             return np.zeros((len(states), 2))
 
     starts = TASK.world(40).reset(np.arange(40), np.arange(40))

@@ -3,9 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
@@ -37,7 +39,7 @@ LOOP = Program(
 BLIND = Program("Blind", Seq((Get(b, "block", Truth()), Run("solve", (mu, b, Goal(b)), Solved()))))
 
 
-def weights(skill: Skill) -> np.ndarray:
+def weights(skill: Skill) -> NDArray[np.floating[Any]]:
     return np.concatenate([array.ravel() for layer in skill.layers for array in layer])
 
 

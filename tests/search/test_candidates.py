@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +53,7 @@ BASE = Candidate(
     ],
     ids=str,
 )
-def test_each_figure_alone_decides_between_equals(worse: dict[str, float]) -> None:
+def test_each_figure_alone_decides_between_equals(worse: dict[str, Any]) -> None:
     assert BASE.rank < replace(BASE, **worse).rank
 
 

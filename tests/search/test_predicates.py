@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import conjuncts, walk
@@ -67,7 +69,7 @@ P, OPENING, Q = 1, 0, 2
 """Columns of the states."""
 
 
-def two_stages(rng: np.random.Generator, column: int, accidents: int = 0) -> tuple[np.ndarray, ...]:
+def two_stages(rng: np.random.Generator, column: int, accidents: int = 0) -> tuple[NDArray[Any], ...]:
     """Draw 20 demonstrations in which first p < 0.1 comes true and stays so, then the number in `column` < 0.1.
 
     In the first `accidents` of them the latter holds in a frame before p < 0.1 does, too.
@@ -159,13 +161,21 @@ def test_a_threshold_is_measured_where_it_is_sharper(sharp_before: bool) -> None
 
 def test_a_threshold_leaves_room_for_what_was_not_seen_but_not_for_failures() -> None:
     seen = np.linspace(0.0, 1.0, 20)
-    assert bound(seen, np.full(100, 10.0), 1.0) == (1.25, 9.0)
+    assert bound(seen, np.full(100, 10.0), 1.0, 10.0) == (1.25, 9.0)
     few = np.linspace(0.0, 1.0, 4)
-    assert bound(few, np.full(100, 10.0), 1.0) == (2.72, 9.0), "with four samples 0.05 to the power of -1/3"
+    assert bound(few, np.full(100, 10.0), 1.0, 10.0) == (2.72, 9.0), "with four samples 0.05 to the power of -1/3"
     close = np.full(100, 1.1)
-    threshold, gap = bound(seen, close, 1.0)
+    threshold, gap = bound(seen, close, 1.0, 10.0)
     assert gap == pytest.approx(0.1)
     assert threshold == pytest.approx(1.05), "half-way to the next failure"
+
+
+def test_a_threshold_lies_short_of_a_stop() -> None:
+    stopped = np.full(20, -0.18) + np.linspace(0.0, 1e-5, 20)
+    threshold, _ = bound(stopped, np.linspace(-0.1, 0.0, 100), 0.03, 0.16)
+    assert threshold == pytest.approx(-0.17, abs=2e-3), "a sixteenth of the way before it"
+    near, _ = bound(stopped, np.linspace(-0.178, 0.0, 100), 0.03, 0.16)
+    assert -0.18 < near <= -0.178, "not where failures are"
 
 
 @pytest.mark.parametrize("last", [0.05, 0.75])

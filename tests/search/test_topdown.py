@@ -14,7 +14,7 @@ from roboscribe.dsl.rewrite import conjunction, rename
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Predicate, Var
 from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, literals, strictest_literal, top_down_enum
-from roboscribe.world.layout import Attribute, BoolArray, FloatArray, Layout, ObjectType
+from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, Layout, ObjectType
 
 COUNT = 3
 LAYOUT = Layout(ObjectType("EE", ()), (ObjectType("block", (Attribute("p", ("p",)), Attribute("q", ("q",)))),) * COUNT)
@@ -22,12 +22,12 @@ OUTER = (("v↓p < 0.5", 1), ("v↓q < 0.5", 2))
 INNER = (("o↓p < 0.5", 1), ("o↓p < v↓p", 2), ("o↓q < v↓q", 2))
 
 
-def about(predicate: Predicate, states: FloatArray, entities: np.ndarray) -> BoolArray:
+def about(predicate: Predicate, states: FloatArray, entities: IntArray) -> BoolArray:
     """Decide a predicate about v in every example."""
     return holds(predicate, states, {"v": entities}, LAYOUT)
 
 
-def atoms(states: FloatArray, entities: np.ndarray) -> Atoms:
+def atoms(states: FloatArray, entities: IntArray) -> Atoms:
     """Tabulate the atoms on examples."""
     outer = [(parse_predicate(text), cost) for text, cost in OUTER]
     inner = [(parse_predicate(text), cost) for text, cost in INNER]
@@ -40,7 +40,7 @@ def atoms(states: FloatArray, entities: np.ndarray) -> Atoms:
     )
 
 
-def examples(rng: np.random.Generator, count: int) -> tuple[FloatArray, np.ndarray]:
+def examples(rng: np.random.Generator, count: int) -> tuple[FloatArray, IntArray]:
     """Draw states and the entity that each is about."""
     return rng.uniform(0.0, 1.0, (count, LAYOUT.size)), rng.integers(COUNT, size=count)
 

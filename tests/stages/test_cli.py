@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import re
+import shlex
+import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -10,6 +14,8 @@ import pytest
 
 from roboscribe.stages import collect, ingest
 from roboscribe.stages.runtime import cli
+from roboscribe.stages.runtime.configuration import decode
+from roboscribe.stages.runtime.stage_help import example, input_names
 from roboscribe.stages.runtime.store import Stage
 
 NAMES = (
@@ -26,7 +32,22 @@ def test_help(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(stage, ["--help"])
     assert ended.value.code == 0
-    assert f"python -m roboscribe.stages.{name}" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert f"python -m roboscribe.stages.{name}" in told
+    source = inspect.getsource(sys.modules[stage.run.__module__])
+    read = set(re.findall(r'inputs\["(\w+)"\]', source))
+    assert read <= set(input_names(stage)), "an input that its documentation does not name"
+    for each in input_names(stage):
+        assert f"--input {each}=PATH" in told
+    assert "task.contact = " in told or name == "update_tree"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_example_of_the_help_gives_all_that_has_to_be_given(name: str) -> None:
+    stage = import_module(f"roboscribe.stages.{name}").STAGE
+    words = shlex.split(example(stage))
+    given = words[words.index("--config") + 1] if "--config" in words else "{}"
+    assert isinstance(decode(stage.config, json.loads(given)), stage.config)
 
 
 def test_two_stages_by_hand(tmp_path: Path) -> None:
@@ -47,6 +68,7 @@ def test_two_stages_by_hand(tmp_path: Path) -> None:
         (["--config", '{"task": {"name": "nowhere"}}', "--input", "demonstrations=x"], "unknown task 'nowhere'"),
         (["--config", '{"task": {"name": "point-pick-place-1"}}'], "needs --input demonstrations=PATH"),
         (["--config", '{"task": {"name": "point-pick-place-1"}}', "--input", "x"], "expected NAME=PATH"),
+        (["--config", '{"task": "point-pick-place-1"}'], "expected an object with name, contact, timing"),
         (["--config", "/nowhere/config.json"], "No such file"),
     ],
 )

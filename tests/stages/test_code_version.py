@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from roboscribe.envs.point_world import POINT_TASKS
+from roboscribe.envs.point_world import POINT_TASKS, PointTask
 from roboscribe.stages.runtime import code_version, task_config
 from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.world.task import Task
 
 
 @pytest.fixture
@@ -61,14 +62,15 @@ class Push(PointTask):
 """
 
 
-def loaded(path: Path) -> object:
+def loaded(path: Path) -> Task:
     """Import a file as a module of its own and make the task in it."""
     spec = spec_from_file_location("some_task", path)
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.Push("push", ("block",))
+    task: Task = module.Push("push", ("block",))
+    return task
 
 
 def changed(path: Path) -> None:
@@ -123,6 +125,7 @@ def test_tasks_of_the_catalogue_have_versions_of_their_own() -> None:
     point, fetch = (TaskConfig(name).code() for name in ("point-push-1", "pick-place-1"))
     assert point != fetch
     task = TaskConfig("point-push-1").make()
+    assert isinstance(task, PointTask)
     assert code_version.task_version(task) == code_version.task_version(task)
     before = code_version.task_version(replace(task))
     assert task.layout

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from dataclasses import dataclass, field
+from typing import cast
 
 import pytest
 
@@ -74,9 +75,11 @@ class Table:
             found = self._rows[row]
             found.run += 1
             found.passed += report.outcome == "passed"
-            for what, held, tried in (value for name, value in told if name == "figure"):  # type: ignore[misc]
-                found.figures[what][0] += held
-                found.figures[what][1] += tried
+            for name, value in told:
+                if name == "figure":
+                    what, held, tried = cast("tuple[str, int, int]", value)
+                    found.figures[what][0] += held
+                    found.figures[what][1] += tried
 
     def missing(self) -> list[int]:
         """List rows without a test that passed."""

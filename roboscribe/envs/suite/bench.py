@@ -12,6 +12,7 @@ import numpy as np
 from roboscribe.envs.arm.osc import turn_error
 from roboscribe.envs.engine import INTEGRATION, integration_state
 from roboscribe.envs.suite.request import DRAWER, SuiteRequest, build
+from roboscribe.envs.suite.substeps import Substeps, steppable
 from roboscribe.envs.suite.view import hand_rotation, hand_site, view
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import FloatArray
@@ -46,6 +47,7 @@ class Bench:
         self._loose = np.flatnonzero((model.body_parentid == 0) & (np.arange(model.nbody) > 0))
         self._split = np.cumsum([part.size for part in self._parts()])[:-1]
         self.snapshot_size = int(self.save().size)
+        self._substeps = Substeps(self.env, self.arm) if steppable(self.env, self.arm) else None
 
     @property
     def action_size(self) -> int:
@@ -105,9 +107,13 @@ class Bench:
         Returns:
             Snapshot, state, and whether that is still physics (MuJoCo resets the clock of a bad state).
         """
-        self.load(snapshot)
+        self._put(snapshot)
         clock = float(self.env.sim.data.time)
-        self.env.step(self._command(action))
+        command = self._command(action)
+        if self._substeps is None:
+            self.env.step(command)
+        else:
+            self._substeps.step(command)
         good = abs(self.env.sim.data.time - clock - 1 / self.frequency) < 1e-6
         after, state = self._settle()
         return after, state, bool(good and np.isfinite(after).all() and np.isfinite(state).all())
@@ -116,6 +122,7 @@ class Bench:
         """Turn an action into robosuite's: its fingers close where ours open, and a direction has to be servoed."""
         if self._rest is None:
             return action
+        mujoco.mj_kinematics(self.env.sim.model._model, self.env.sim.data._data)
         base = np.array(self.env.robots[0].base_ori).reshape(3, 3)
         error = base.T @ turn_error(self._rest, hand_rotation(self.env))
         return np.concatenate([action[:3], np.clip(error / MOST_TURN, -1.0, 1.0), -action[3:]])
@@ -134,6 +141,13 @@ class Bench:
 
     def load(self, snapshot: FloatArray) -> FloatArray:
         """Put the environment into a snapshot (S,). Returns the state (F,)."""
+        physics = self._put(snapshot)
+        state = self.observe()
+        mujoco.mj_setState(self.env.sim.model._model, self.env.sim.data._data, physics, INTEGRATION)
+        return state
+
+    def _put(self, snapshot: FloatArray) -> FloatArray:
+        """Put the environment into a snapshot (S,), nothing worked out yet. Returns the simulator's part of it."""
         model, data = self.env.sim.model._model, self.env.sim.data._data
         physics, fingers, rest, places, turns, *goals = np.split(snapshot, self._split)
         model.body_pos[self._loose], model.body_quat[self._loose] = places.reshape(-1, 3), turns.reshape(-1, 4)
@@ -142,10 +156,8 @@ class Bench:
         if goals:
             self.env.episode = replace(self.env.episode, goals=goals[0].reshape(-1, 3))
         mujoco.mj_setState(model, data, physics, INTEGRATION)
-        state = self.observe()
-        mujoco.mj_setState(model, data, physics, INTEGRATION)
         self._controller.new_update = True
-        return state
+        return physics
 
 
 def seed_everything(env: Any, seed: int) -> None:  # noqa: ANN401

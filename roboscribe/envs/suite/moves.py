@@ -7,18 +7,21 @@ from functools import partial
 import numpy as np
 
 from roboscribe.envs.demonstrator import Script
-from roboscribe.envs.drawer.moves import ramp, way
+from roboscribe.envs.drawer.moves import way
 from roboscribe.envs.performer import Scene
 from roboscribe.world.layout import BoolArray, FloatArray
 
-HAND, OPENING, SPEED, BLOCK, GOAL = slice(0, 3), 3, slice(4, 7), slice(8, 11), slice(14, 17)
-"""Columns of a state: the hand, the block that is moved and, in Stack, where it belongs."""
+HAND, OPENING, SPEED, BLOCK, YAW, GOAL = slice(0, 3), 3, slice(4, 7), slice(8, 11), 13, slice(14, 17)
+"""Columns of a state: the hand, the block that is moved, how it is turned and, in Stack, where it belongs."""
 GAIN, BRAKE = 60.0, 2.0
 """Commanded displacement per metre of error, and against the hand's velocity per m/s, in actions."""
 AROUND, LEAVING = 0.012, 0.024
 """The hand is around the block within the first distance; a grip is given up beyond the second, m."""
-GRIP, LOOSE = (0.046, 0.050), 0.060
-"""Opening at which fingers have closed on the block, and begin to; wider than the last they hold nothing, m."""
+SIDE = 0.042
+"""Of the block, give or take 2 mm; fingers that close on its edges stay further apart than on its sides."""
+GRIP, LOOSE = 0.008, 0.017
+"""Fingers have closed on the block, or begin to, when they are this much wider than it is; beyond the second they hold
+nothing, m."""
 APPROACH, LIFTED, ABOVE = 0.06, 0.10, 0.004
 """Heights of approach, to which a block is lifted, and above its place at which it is let go, m."""
 RELEASE = 0.010
@@ -51,15 +54,21 @@ def stack(states: FloatArray, approach: float = APPROACH) -> FloatArray:
 def _command(states: FloatArray, carry: FloatArray, release: BoolArray, approach: float) -> FloatArray:
     """Fetch the block, move it by `carry` (R, 3) once the fingers have closed, and let it go where told (R,)."""
     hand, opening, block = states[:, HAND], states[:, OPENING], states[:, BLOCK]
-    around = np.linalg.norm(block - hand, axis=1) < np.where(opening < LOOSE, LEAVING, AROUND)
-    closed = ramp(-opening, -GRIP[1], -GRIP[0])[:, None]
+    room = opening - width(states[:, YAW])
+    around = np.linalg.norm(block - hand, axis=1) < np.where(room < LOOSE, LEAVING, AROUND)
+    closed = (room < GRIP)[:, None]
     fetch = way(hand, block, float(block[:, 2].max()) + approach)
     rise = hand * (1, 1, 0) + (0, 0, TABLE + 2 * LIFTED) - hand
-    let_go = release & (opening > LOOSE)
-    move = np.where(around[:, None], np.where((closed > 0) | release[:, None], carry, block - hand), fetch)
+    let_go = release & (room > LOOSE)
+    move = np.where(around[:, None], np.where(closed | release[:, None], carry, block - hand), fetch)
     move = np.where(let_go[:, None], rise, move)
     displacement = np.clip(GAIN * move - BRAKE * states[:, SPEED], -1.0, 1.0)
     return np.concatenate([displacement, np.where(around & ~release, -1.0, 1.0)[:, None]], axis=1)
+
+
+def width(yaw: FloatArray) -> FloatArray:
+    """Return how wide the block is between the fingers (R,) when it is turned by `yaw` (R,)."""
+    return np.asarray(SIDE * (np.abs(np.cos(yaw)) + np.abs(np.sin(yaw))))
 
 
 def calm(states: FloatArray) -> FloatArray:
@@ -72,7 +81,7 @@ def look(state: FloatArray) -> Scene:
     """Read a state (F,) as a performer does; a block that belongs nowhere is where it belongs."""
     hand, opening, block = state[HAND], float(state[OPENING]), state[BLOCK]
     goal = state[GOAL] if len(state) > GOAL.stop else block
-    held = 0 if opening < GRIP[1] and np.linalg.norm(block - hand) < LEAVING else -1
+    held = 0 if opening < width(state[YAW]) + GRIP and np.linalg.norm(block - hand) < LEAVING else -1
     return Scene(hand, bool(state[6] < 0), opening, block[None], goal[None], held)
 
 

@@ -78,7 +78,7 @@ def _match(task: KinematicTask, found: Found, phases: tuple[Phase, ...]) -> Matc
         if part.problem:
             return part
         at = part.next
-    left = [item for item in found.items[at:] if not isinstance(item, Get)]
+    left: list[Statement] = [item for item in found.items[at:] if not isinstance(item, Get)]
     if task.away:
         return Matched(at, _leaves(task, left))
     return Matched(at, f"{_shown(left[0])} is redundant" if left else "")

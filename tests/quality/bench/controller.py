@@ -68,7 +68,7 @@ class Lookahead:
         """How much each action moves or turns (C,), in full speeds."""
         motion = self._choices.copy()
         motion[:, self.task.width :][:, : self.task.fingers] = 0.0
-        return np.linalg.norm(motion, axis=1)
+        return np.asarray(np.linalg.norm(motion, axis=1))
 
     def _reward(self, states: FloatArray, entities: IntArray) -> FloatArray:
         """R_φ in states (R, C, F) for entities (R, n); as flat rows, which are evaluated fastest."""

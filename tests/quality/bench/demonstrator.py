@@ -278,7 +278,7 @@ def _spoilt(task: KinematicTask, trajectory: Trajectory, seed: int, rank: int) -
 
 
 def _start(trajectory: Trajectory) -> FloatArray:
-    return trajectory.states[0]
+    return np.asarray(trajectory.states[0])
 
 
 def attempts(task: KinematicTask, seed: int, which: range) -> list[Trajectory]:

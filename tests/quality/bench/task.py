@@ -73,7 +73,7 @@ class KinematicTask(Task):
         return len(self.plane)
 
     @property
-    def action_size(self) -> int:
+    def action_size(self) -> int:  # type: ignore[override]  # nobody sets it
         """Displacement along each axis, fingers (closed above 0) where there are any, and rotations."""
         return self.width + self.fingers + len(self.rotations)
 
@@ -135,7 +135,7 @@ class KinematicTask(Task):
         """Whether an entity meets all aims of a phase, or is not among those that it is about."""
         answer = ~self.member(states, phase, entity)
         met = [self.meets(states, aim, entity, share) for aim in phase.aims]
-        return answer | np.logical_and.reduce(met)
+        return np.asarray(answer | np.logical_and.reduce(met))
 
     def member(self, states: FloatArray, phase: Phase, entity: int) -> BoolArray:
         """Whether a phase is about an entity."""
@@ -147,7 +147,7 @@ class KinematicTask(Task):
 
     def done(self, states: FloatArray, phase: Phase) -> BoolArray:
         """Whether a phase is over."""
-        return np.logical_and.reduce([self.served(states, phase, e) for e in self.of_kind(phase.kind)])
+        return np.asarray(np.logical_and.reduce([self.served(states, phase, e) for e in self.of_kind(phase.kind)]))
 
     def solved(self, states: FloatArray) -> BoolArray:
         """All phases are over whose effect must last, and the hand is as far away as is asked."""
