@@ -73,6 +73,8 @@ def imports(path: Path) -> Iterator[str]:
                 yield from (alias.name for alias in names)
             case ast.ImportFrom(module=str(module), names=names):
                 yield from (f"{module}.{alias.name}" for alias in names)
+            case _:
+                pass
 
 
 def part(path: Path) -> str:

@@ -20,6 +20,9 @@ from roboscribe.search.predicates import ball, bits, bound, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, first_true
 
+ARRIVING = 2
+"""Frames before ψ_R first holds within which something arrives for it: where it lies is measured at the last two."""
+
 
 def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[Candidate]:
     """Find what every entity of a type satisfies once ψ_R holds, and most are brought to on the way.
@@ -105,10 +108,12 @@ def _candidate(
 def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     """Tell which (entity, demonstration) pairs were left behind before ψ_R held, (N, D).
 
-    The one that was served last is still being served when a demonstration ends at once, so it may be further off.
+    The one that was served last is still being served when a demonstration ends at once, so it may be further off; not
+    where something else is done after it.
     """
     since = np.stack([_last_false(row < threshold, pairs) for row in values])
-    settled: BoolArray = (since >= 0) & (since < since.max(axis=0))
+    arriving = since >= pairs.lasts - pairs.starts - ARRIVING
+    settled: BoolArray = (since >= 0) & ((since < since.max(axis=0)) | ~arriving)
     return settled
 
 

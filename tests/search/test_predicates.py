@@ -138,10 +138,10 @@ def test_a_weaker_copy_of_the_goal_explains_nothing() -> None:
 
 
 def test_what_looks_at_more_numbers_is_no_copy() -> None:
-    wide = Feature(Norm(Var("b1")), family="b1.position", detail=3)
-    assert is_copy(replace(wide, detail=1), {"b1.position": 1})
-    assert is_copy(wide, {"b1.position": 3})
-    assert not is_copy(wide, {"b1.position": 1})
+    wide = Feature(Norm(Proj(Var("b1"), "p")), family="b1.p", detail=3)
+    assert is_copy(replace(wide, detail=1), {"b1.p": 1})
+    assert is_copy(wide, {"b1.p": 3})
+    assert not is_copy(wide, {"b1.p": 1})
 
 
 @pytest.mark.parametrize("sharp_before", [False, True])
