@@ -12,12 +12,10 @@ from roboscribe.dsl.semantics import evaluate, holds
 from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Proj, Term, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
+from roboscribe.search.meant import STILL
 from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import Attribute, BoolArray
 from roboscribe.world.trajectory import AGREEMENT
-
-STILL = 0.01
-"""Share of the range of its initial values by which a number may change that counts as lasting: sensors are noisy."""
 
 
 def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
