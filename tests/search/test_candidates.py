@@ -11,26 +11,13 @@ import pytest
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
 from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge, likely_chance
+from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import NEVER, first_true
 from tests.search.examples import feature, random_states, samples
+from tests.story import candidate
 
-BASE = Candidate(
-    predicate=Truth(),
-    accepted=0.0,
-    initial=0.0,
-    kept=1.0,
-    first=0.5,
-    copy=False,
-    relevant=True,
-    advances=True,
-    margin=0.1,
-    scales=(),
-    entities=1,
-    bits=3.0,
-    size=5,
-    family="",
-)
+BASE = candidate(Node("", Truth()))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +60,6 @@ def test_what_tells_failures_clearly_comes_before_what_is_about_the_goals_entiti
 def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete() -> None:
     loop = replace(BASE, each=True, first=1.0, standing=2, initial=0.2)
     assert loop.rank < BASE.rank
-    assert BASE.rank < replace(loop, entities=2).rank
 
 
 def test_what_separates_explains_only_if_it_is_a_new_step_about_the_goals_entities() -> None:
