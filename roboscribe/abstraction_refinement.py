@@ -64,9 +64,9 @@ def synthesize(
         precedes ψ, it is compared with the attempt on ψ_R itself: an attempt on ψ that was cloned reaches most of
         what leads to ψ even where it fails, and would teach muddled predicates. A subgoal that is reached in half of
         the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
-        ψ_R, and ψ_R decides; the latter are trained once more before. What a loop is to bring about for every entity
-        is not attempted before something precedes it: the attempt on ψ_R has shown that it does not come about by
-        itself.
+        ψ_R, and ψ_R decides; the latter are trained once more before, and given up where they are never reached. What
+        a loop is to bring about for every entity is not attempted before something precedes it: the attempt on ψ_R has
+        shown that it does not come about by itself.
     """
     if blind is not None and tree.node(psi).circular and not tree.predecessors(psi):
         refined = line.refine(blind, tree, psi)
@@ -87,12 +87,23 @@ def synthesize(
         return solution
     failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
     refined = line.refine(failures, tree, psi)
-    if isinstance(refined, Fail) and psi != ROOT and not line.exhausted:
-        again = line.attempt(program, psi, tree, skills)
-        return solution if isinstance(again, Fail) else Solution(program, tree, *again)
     if isinstance(refined, Fail):
-        return Fail(f"{psi} is reached in {outcome.successes} of {outcome.episodes} episodes, and {refined.reason}")
+        return _unexplained(psi, solution, refined, line)
     return _through(psi, refined, skills, line, failures if blind is None else blind)
+
+
+def _unexplained(psi: str, found: Solution[Skills], why: Fail, line: Line[Skills]) -> Solution[Skills] | Fail:
+    """Take a subgoal whose failures nothing explains as it is, unless it is never reached, even trained once more."""
+    failed = Fail(
+        f"{psi} is reached in {found.outcome.successes} of {found.outcome.episodes} episodes, and {why.reason}"
+    )
+    if psi == ROOT or line.exhausted:
+        return failed
+    again = line.attempt(found.program, psi, found.tree, found.skills)
+    if isinstance(again, Fail):
+        return found
+    found = Solution(found.program, found.tree, *again)
+    return found if found.outcome.successes else failed
 
 
 def _through(

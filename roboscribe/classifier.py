@@ -9,15 +9,16 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename, walk
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Term
+from roboscribe.dsl.syntax import Term, Truth
 from roboscribe.errors import Fail
 from roboscribe.evidence import Crossings, Evidence
 from roboscribe.search.candidates import Anchor, Candidate, Samples
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import Feature, enumerate_features
+from roboscribe.search.meant import Pairs
 from roboscribe.search.naming import name_predicate
 from roboscribe.search.predicates import rank_predicates
-from roboscribe.search.recurring import Pairs, recurring_candidates
+from roboscribe.search.recurring import recurring_candidates
 from roboscribe.subtask_tree import ROOT, Node, Place, Tree
 from roboscribe.world.layout import FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, NEVER
@@ -130,7 +131,8 @@ def alternative(refinement: Refinement, rank: int, evidence: Evidence, tree: Tre
     candidate = refinement.table[rank]
     name = name_predicate(candidate.predicate, {node.name for node in tree.nodes})
     over = next((n for n in evidence.types if n in free_vars(candidate.predicate) and _several(n, evidence)), "")
-    node = Node(name, candidate.predicate, candidate.each, dict(candidate.scales), over if candidate.each else "")
+    over = over if candidate.each else ""
+    node = Node(name, candidate.predicate, candidate.each, dict(candidate.scales), over, candidate.only)
     return replace(refinement, node=node, place=place_of(node, evidence, tree, refinement.psi))
 
 
@@ -148,10 +150,10 @@ def place_of(node: Node, evidence: Evidence, tree: Tree, psi: str) -> Place:
     waiting = list(tree.predecessors(psi))
     while waiting:
         old = waiting.pop()
+        if node.circular and old.circular and node.role == old.role and not _same_phase(node, old, evidence, tree):
+            return Place(apart=True)
         if set(free_vars(old.predicate)) != set(free_vars(node.predicate)) or not free_vars(node.predicate):
             continue
-        if node.circular and old.circular and not _same_phase(node, old, evidence, tree):
-            return Place(apart=True)
         if _precedes(node, old, evidence, tree, psi):
             before = old.name
             waiting = list(tree.predecessors(old.name))
@@ -168,7 +170,9 @@ def _precedes(node: Node, old: Node, evidence: Evidence, tree: Tree, psi: str) -
 
 def _same_phase(node: Node, old: Node, evidence: Evidence, tree: Tree) -> bool:
     """Whether two things done to every entity of a type are done to one entity before the next is turned to."""
-    one, other = (np.sort(evidence.each_first_steps(n.predicate, n.role), axis=1) for n in (node, old))
+    one, other = (np.sort(evidence.each_first_steps(n.served, n.role), axis=1) for n in (node, old))
+    if node.only != old.only:
+        return False
     alternate = [_alternating(a, b) for a, b in zip(one, other, strict=True)]
     shown = [each for each in alternate if each is not None]
     return not shown or float(np.mean(shown)) >= 0.5
@@ -224,10 +228,21 @@ def _samples(
         len(features),
         steps,
         known=_compared(features, (*tree.above(psi), *chain), evidence),
-        goal_entities=frozenset(free_vars(tree.node(psi).predicate)),
+        goal_entities=_at_stake(evidence, tree, psi),
         root=psi == ROOT,
         anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
+
+
+def _at_stake(evidence: Evidence, tree: Tree, psi: str) -> frozenset[str]:
+    """Name the entities of a goal that what leads to it has to be about.
+
+    In a loop it is the one that is served; elsewhere what no demonstration moves, a coaster, is what others go by.
+    """
+    named, loop = frozenset(free_vars(tree.node(psi).predicate)), tree.loop_around(psi)
+    if loop is not None and loop.role in named:
+        return frozenset([loop.role])
+    return named & evidence.moved or named
 
 
 def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> Iterator[Candidate]:
@@ -238,13 +253,16 @@ def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> It
         if psi == ROOT and len(members) > 1:
             entity = layout.names[members[0]]
             features = enumerate_features(layout, [entity, *single])
-            known = _compared(features, tree.nodes, evidence)
+            known = {
+                only: _compared(features, [n for n in tree.nodes if n.only in (only, Truth())], evidence)
+                for only in (Truth(), *(n.only for n in tree.nodes))
+            }
             pairs = Pairs(layout, entity, members, samples.frames, samples.starts, samples.negatives, known)
             yield from recurring_candidates(features, pairs)
 
 
-def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> frozenset[str]:
-    """Families of what nodes compare already, of one entity or of all of its type."""
+def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> dict[str, int]:
+    """Say what nodes compare already, of one entity or of all of its type, see `is_copy`."""
     terms = {part for node in nodes for part in walk(node.predicate)}
     role = {kind: name for name, kind in reversed(list(evidence.types.items()))}
 
@@ -255,4 +273,8 @@ def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evid
             else rename(feature.term, {feature.over[0].name: role[feature.over[1]]})
         )
 
-    return frozenset(f.family for f in features if f.term in terms or plain(f) in terms)
+    known: dict[str, int] = {}
+    for feature in features:
+        if feature.term in terms or plain(feature) in terms:
+            known[feature.family] = max(feature.detail, known.get(feature.family, 0))
+    return known

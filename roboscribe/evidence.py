@@ -13,7 +13,7 @@ from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Solved
 from roboscribe.dsl.types import named_entities
 from roboscribe.subtask_tree import ROOT, Node, Tree
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.layout import ROBOT, BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.naming import by_displacement
 from roboscribe.world.trajectory import NEVER, Trajectory, first_true
 
@@ -119,6 +119,13 @@ class Evidence:
         return np.concatenate([[0], np.cumsum(lengths)[:-1]]).astype(np.int64)
 
     @cached_property
+    def moved(self) -> frozenset[str]:
+        """Names of the entities of which some demonstration changes anything but the goal."""
+        own = [(e, c) for (e, _, goal), c in self.layout.columns.items() if e != ROBOT and not goal]
+        changed = np.any([np.ptp(t.states, axis=0) > 0.0 for t in self.trajectories], axis=0)
+        return frozenset(self.layout.names[e] for e, columns in own if changed[columns].any())
+
+    @cached_property
     def solved_at(self) -> IntArray:
         """Step at which each demonstration first reaches ψ_R, (D,); NEVER where it does not."""
         return self.first_steps(Solved())
@@ -152,7 +159,7 @@ class Evidence:
             )
         role, members = self.layout.names.index(loop.role), self.layout.of_type(self.types[loop.role])
         found = []
-        for d, first in enumerate(self.each_first_steps(loop.predicate, loop.role)):
+        for d, first in enumerate(self.each_first_steps(loop.served, loop.role)):
             begin = 0
             for rank in np.argsort(first, kind="stable"):
                 if 0 < first[rank] < NEVER:

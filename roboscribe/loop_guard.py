@@ -5,13 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, product
+from itertools import product
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import conjunction, free_vars, rename, size, walk
+from roboscribe.dsl.rewrite import conjunction, free_vars, negation_normal_form, rename, walk
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Diff, Goal, Less, Norm, Not, Object, Predicate, Proj, Robot, Truth, Var
+from roboscribe.dsl.syntax import (
+    Diff,
+    Goal,
+    Less,
+    Norm,
+    Object,
+    Predicate,
+    Proj,
+    Robot,
+    Truth,
+    Var,
+)
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, strictest_literal, top_down_enum
@@ -39,7 +50,8 @@ class Examples:
         entities: (X,) index of e_i.
         positive: (X,) e_i is being handled in s_t.
         done: (X,) e_i was handled before s_t; of the negatives, those that show termination.
-        choice: (X,) in s_t the demonstrator turns to another entity, and e_i is it or could have been.
+        choice: (X,) in s_t the demonstrator turns to another entity, and e_i is it or could have been; also where it is
+            the last one and nobody waits, for a guard has to admit it.
     """
 
     source: FloatArray
@@ -89,18 +101,19 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
         guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.predicate, node.role).thinned()
+    examples = loop_examples(evidence, node.served, node.role).thinned()
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
         return Truth()
     entity, nodes = node.role, (node, *tree.below(node.name))
-    learned = tuple(dict.fromkeys(n.predicate for n in nodes if entity in free_vars(n.predicate)))
+    learned = tuple(dict.fromkeys(n.served for n in nodes if entity in free_vars(n.predicate)))
     ended = examples[examples.positive | examples.done]
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
         return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
-    return conjunction([termination, *order_of(examples, evidence, entity, learned)])
+    guard = conjunction([termination, *order_of(examples, evidence, entity, learned)])
+    return guard if node.only == Truth() else negation_normal_form(guard)
 
 
 def order_of(
@@ -151,7 +164,8 @@ def partial_order(
     """
     shown = examples[examples.positive | examples.choice]
     order = strictest_literal(guard_atoms(shown, evidence, entity, learned), shown.positive, TOLERANCE)
-    broken = (shown.choice & shown.positive).sum() * order.refused
+    turns = np.unique(shown.frames[shown.choice & ~shown.positive]).size
+    broken = turns * order.refused
     return (order.predicate,) if broken >= BROKEN else ()
 
 
@@ -219,7 +233,7 @@ def _label(
     begins = np.array([0, *ends[:-1]])
     steps = np.tile(np.arange(length), len(members))
     begin, end = (np.repeat(x, length) for x in (begins[np.searchsorted(ends, first)], first))
-    choice = np.isin(steps, begins[:-1]) & (steps < end)
+    choice = np.isin(steps, begins) & (steps < end)
     return start + steps, np.repeat(members, length), (steps >= begin) & (steps < end), steps >= end, choice
 
 
@@ -301,47 +315,3 @@ def _distances(evidence: Evidence, entity: str, other: str) -> Iterator[tuple[tu
 def _field(attribute: Attribute) -> str:
     """Return how all components of an attribute are spelled."""
     return "".join(attribute.components) if all(len(c) == 1 for c in attribute.components) else attribute.name
-
-
-def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
-    """Find when `one` is reached before `other`, as a predicate on the initial state.
-
-    Args:
-        evidence: demonstrations.
-        one: a branch's node.
-        other: the branch that comes first where the predicate is false.
-
-    Returns:
-        The smallest comparison of attributes of the two nodes' entities and goals, or its negation; Fail where none
-        explains it, or where there are so few demonstrations that some comparison would by accident.
-
-    Source: Sec. 4.5.
-    """
-    first = evidence.first_steps(one.lifted(evidence.types)) < evidence.first_steps(other.lifted(evidence.types))
-    starts = evidence.states[evidence.starts]
-    names = (*one.entities, *other.entities)
-    tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
-    if len(first) < np.log2(max(1, 2 * len(tests))):
-        return Fail(f"too few demonstrations to tell why {one.name} sometimes comes before {other.name}")
-    for test in tests:
-        truth = holds(test, starts, {}, evidence.layout)
-        for predicate, answer in ((test, truth), (Not(test), ~truth)):
-            if np.mean(answer != first) <= 1.0 - AGREEMENT:
-                return predicate
-    return Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
-
-
-def _cross_comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
-    for one, two in combinations(names, 2):
-        kinds = [evidence.layout.types[evidence.types[n]] for n in (one, two)]
-        for goals in (True, False):
-            shared = [a for a in kinds[0].described(goals) if a.is_place and _same(a, kinds[1].described(goals))]
-            for attribute in shared:
-                ends = [Goal(Var(n)) if goals else Var(n) for n in (one, two)]
-                yield from (Less(Proj(ends[0], c), Proj(ends[1], c)) for c in attribute.components)
-
-
-def _same(attribute: Attribute, others: Sequence[Attribute]) -> bool:
-    """Whether one of `others` measures the same."""
-    shape = (attribute.name, attribute.unit, attribute.components)
-    return any((a.name, a.unit, a.components) == shape for a in others)

@@ -8,6 +8,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
+from roboscribe.branch_condition import order_condition
 from roboscribe.dsl.rewrite import conjunction, free_vars, fresh, rename, seq, walk
 from roboscribe.dsl.syntax import (
     Get,
@@ -28,7 +29,7 @@ from roboscribe.dsl.syntax import (
 )
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.loop_guard import entity_choice, order_condition, predicate_synthesis
+from roboscribe.loop_guard import entity_choice, predicate_synthesis
 from roboscribe.subtask_tree import ROOT, Node, Tree
 from roboscribe.world.trajectory import AGREEMENT
 
@@ -82,10 +83,13 @@ class _Writer:
 
         Source: Algorithm 5, lines 8-19.
         """
+        outside = self.straight.pop(node.role, None) if node.circular else None  # a loop's variable is its own
         body = self.predecessors(self.tree.predecessors(node.name))
         if isinstance(body, Fail) or (self.done and not node.circular):
             return body
         written = self.loop(node, body) if node.circular else seq(body, *self.run(node))
+        if outside is not None:
+            self.straight[node.role] = outside
         self.done = self.done or node.name == self.goal
         return written
 
@@ -116,8 +120,8 @@ class _Writer:
         if len(nodes) == 1:
             return branches[0]
         if len(nodes) == 2:
-            test = rename(order.conditions[nodes[0].name, nodes[1].name], self.variables())
-            return If(test, seq(*branches), seq(*reversed(branches)))
+            test = order.conditions[nodes[0].name, nodes[1].name]
+            return If(self.about(test), seq(*branches), seq(*reversed(branches)))
         return seq(*branches) if self.done else self.guarded(nodes, branches, order)
 
     def guarded(self, nodes: Sequence[Node], branches: Sequence[Statement], order: Order) -> Statement:
@@ -130,8 +134,8 @@ class _Writer:
         for node, branch in reversed(list(zip(nodes[:-1], branches[:-1], strict=True))):
             waits = [_waits_for(order, node, other, done) for other in nodes if other != node]
             first = conjunction([Not(done[node.name]), *(p for p in waits if p != Truth())])
-            body = If(rename(first, self.variables()), branch, body)
-        return While(rename(Not(conjunction(list(done.values()))), self.variables()), body)
+            body = If(self.about(first), branch, body)
+        return While(self.about(Not(conjunction(list(done.values())))), body)
 
     def loop(self, node: Node, body: Statement) -> Statement | Fail:
         """`while ((v := get(λv:τ. p)) ≠ null) {body; π_φ[φ]}` for a circular node, lines 13-16.
@@ -179,9 +183,9 @@ class _Writer:
             self.straight[entity] = (name, kind)
         return self.straight[entity][0]
 
-    def variables(self) -> dict[str, str]:
-        """Variable of every entity that has one."""
-        return {entity: name for entity, (name, _) in self.straight.items()}
+    def about(self, condition: Predicate) -> Predicate:
+        """Say a condition about variables instead of named entities."""
+        return rename(condition, {entity: self.variable(entity) for entity in free_vars(condition)})
 
 
 @dataclass(frozen=True)

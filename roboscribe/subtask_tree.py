@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars
-from roboscribe.dsl.syntax import Exists, Not, Predicate, Solved, Truth, Var
+from roboscribe.dsl.rewrite import conjunction, free_vars
+from roboscribe.dsl.syntax import Exists, Not, Or, Predicate, Solved, Truth, Var
 from roboscribe.errors import Fail
 from roboscribe.world.layout import IntArray
 from roboscribe.world.trajectory import AGREEMENT
@@ -27,6 +27,7 @@ class Node:
         circular: whether the node marks a repetition (Sec. 4.2.2).
         scales: per term of φ, the spread that makes its margins comparable in the reward (Sec. 4.3.3).
         over: of circular nodes, the entity whose place all of its type take; "" for the only one.
+        only: of circular nodes, which entities are meant.
     """
 
     name: str
@@ -34,6 +35,12 @@ class Node:
     circular: bool = False
     scales: Mapping[str, float] = field(default_factory=dict)
     over: str = ""
+    only: Predicate = field(default_factory=Truth)
+
+    @property
+    def served(self) -> Predicate:
+        """When nothing is left to do about an entity: φ holds, or it is not meant."""
+        return self.predicate if self.only == Truth() else Or(self.predicate, Not(self.only))
 
     @property
     def role(self) -> str:
@@ -48,11 +55,14 @@ class Node:
 
     def lifted(self, types: Mapping[str, str]) -> Predicate:
         """φ as it stands in the tree: existentially quantified in circular nodes."""
-        return Exists(Var(self.role), types[self.role], self.predicate) if self.circular else self.predicate
+        if not self.circular:
+            return self.predicate
+        parts = [part for part in (self.only, self.predicate) if part != Truth()]
+        return Exists(Var(self.role), types[self.role], conjunction(parts))
 
     def completed(self, types: Mapping[str, str]) -> Predicate:
         """Return what holds when the program has dealt with the node: φ, in circular nodes of every entity."""
-        left = Not(self.predicate)
+        left = Not(self.served)
         return Not(Exists(Var(self.role), types[self.role], left)) if self.circular else self.predicate
 
 

@@ -40,6 +40,7 @@ def node_to_json(node: Node) -> dict[str, Json]:
         "circular": node.circular,
         "scales": dict(node.scales),
         "over": node.over,
+        "only": text(node.only),
     }
 
 
@@ -47,4 +48,5 @@ def node_from_json(value: Mapping[str, Any]) -> Node:
     """Read what `node_to_json` wrote; whatever is wrong with it raises."""
     scales = {str(term): float(scale) for term, scale in value["scales"].items()}
     predicate, over = parse_predicate(value["predicate"]), str(value.get("over", ""))
-    return Node(str(value["name"]), predicate, bool(value["circular"]), scales, over)
+    only = parse_predicate(value.get("only", "true"))
+    return Node(str(value["name"]), predicate, bool(value["circular"]), scales, over, only)

@@ -27,7 +27,8 @@ LAYERS = {
     "strips": TREE,
     "html": TREE | {"classifier", "strips"},
     "loop_guard": TREE,
-    "program_gen": TREE | {"loop_guard"},
+    "branch_condition": TREE,
+    "program_gen": TREE | {"loop_guard", "branch_condition"},
     "steps": TREE | {"program_gen", "classifier"},
     "best_first": TREE | {"classifier", "steps"},
     "abstraction_refinement": TREE | {"classifier", "steps", "best_first"},
@@ -72,6 +73,8 @@ def imports(path: Path) -> Iterator[str]:
                 yield from (alias.name for alias in names)
             case ast.ImportFrom(module=str(module), names=names):
                 yield from (f"{module}.{alias.name}" for alias in names)
+            case _:
+                pass
 
 
 def part(path: Path) -> str:

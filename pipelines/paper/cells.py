@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol, cast
+from typing import Protocol, assert_never, cast
 
 from roboscribe.baselines.config import RECIPES, method_named
 from roboscribe.errors import Fail
@@ -22,7 +22,20 @@ from roboscribe.stages.package import DIRECTORY
 from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, EvaluationPoint, Record, Trial, write_record
 from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
-from roboscribe.stages.runtime.events import Evaluated, Event, Ingested, Packaged, Programmed, RolledOut, Trained
+from roboscribe.stages.runtime.events import (
+    Abandoned,
+    Evaluated,
+    Event,
+    Failed,
+    Filmed,
+    Ingested,
+    Packaged,
+    Programmed,
+    Refined,
+    Removed,
+    RolledOut,
+    Trained,
+)
 from roboscribe.stages.runtime.files import OUTCOME, PROGRAM, program_bytes, read_json
 from roboscribe.stages.runtime.store import TIMING, Inputs, Stage, Store
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
@@ -239,8 +252,10 @@ class SynthesisObserver:
                 self._spent(metrics.parent)
                 if goal == ROOT:
                     self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
-            case _:
+            case Refined() | Abandoned() | Removed() | Evaluated() | Packaged() | Filmed() | Failed():
                 pass
+            case _:
+                assert_never(event)
         self.callbacks.on_event(event)
 
     def _spent(self, out: Path) -> None:

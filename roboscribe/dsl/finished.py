@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import assert_never
 
 import numpy as np
 
 from roboscribe.dsl.compile import NOWHERE, Act, Bind, Instruction, Jump
 from roboscribe.dsl.semantics import SolvedTest, holds
-from roboscribe.dsl.syntax import And, Const, Less, Or, Predicate
+from roboscribe.dsl.syntax import And, Const, Exists, Greater, Less, Not, NotNull, Or, Predicate, Solved, Truth
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 
 SLACK = 2.0
@@ -113,8 +114,10 @@ def slackened(predicate: Predicate) -> Predicate:
             return And(slackened(left), slackened(right))
         case Or(left, right):
             return Or(slackened(left), slackened(right))
-        case _:
+        case Less() | Greater() | NotNull() | Not() | Exists() | Truth() | Solved():
             return predicate
+        case _:
+            assert_never(predicate)
 
 
 def _columns(layout: Layout, entity: int) -> IntArray:

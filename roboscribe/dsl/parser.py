@@ -165,7 +165,8 @@ class _Statements:
                 case "if":
                     self._cursor.take()
                     return self._if(token, column)
-            return self._get() if self._cursor.ahead().value == ":=" else self._run()
+                case _:
+                    return self._get() if self._cursor.ahead().value == ":=" else self._run()
 
     def _if(self, head: Token, column: Column) -> If:
         test = self._expressions.predicate()

@@ -5,13 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import nan
+from typing import assert_never
 
 import numpy as np
 
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.rewrite import conjuncts, controllers, free_vars, rename
 from roboscribe.dsl.semantics import SolvedTest, evaluate, holds
-from roboscribe.dsl.syntax import Get, Greater, If, Less, Not, Predicate, Program, Run, Seq, Statement, While
+from roboscribe.dsl.syntax import (
+    And,
+    Exists,
+    Get,
+    Greater,
+    If,
+    Less,
+    Not,
+    NotNull,
+    Or,
+    Predicate,
+    Program,
+    Run,
+    Seq,
+    Solved,
+    Statement,
+    Truth,
+    While,
+)
 from roboscribe.world.layout import NULL, FloatArray, Layout
 
 
@@ -101,8 +120,10 @@ def _reading(part: Predicate, state: FloatArray, layout: Layout, solved: SolvedT
             sides = (evaluate(term, state, {}, layout) for term in (left, right))
             value, threshold = (float(side[0]) if side.size == 1 else nan for side in sides)
             return Reading(str(part), value, threshold, true)
-        case _:
+        case Not() | And() | Or() | Exists() | NotNull() | Truth() | Solved():
             return Reading(str(part), nan, nan, true)
+        case _:
+            assert_never(part)
 
 
 def guards(program: Program) -> tuple[Get | Predicate | None, ...]:

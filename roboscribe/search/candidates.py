@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, size, uses_robot
-from roboscribe.dsl.syntax import Predicate
+from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT, first_true
@@ -28,6 +28,8 @@ ACCEPTED_COST = 2.0
 """Price of accepting all negatives, in lengths of a demonstration."""
 NODE_COST = 0.01
 """Price of a node of a predicate, in lengths of a demonstration: of two equally early ones the shorter is wanted."""
+ENTITY_COST = 0.1
+"""Price of each further entity that is named, in lengths of a demonstration: two bits, which tell it from others."""
 BIT_GAIN = 0.05
 """Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
 MOST_BITS = 6.0
@@ -76,7 +78,7 @@ class Samples:
         starts: (C,), where each crossing begins in `frames`.
         choices: how many expressions were on offer.
         steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
-        known: what the goal and the subgoals before it compare already, as `Feature.family`.
+        known: what the goal and the subgoals before it compare already, see `is_copy`.
         goal_entities: entities that the goal mentions by name.
         root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
@@ -91,7 +93,7 @@ class Samples:
     starts: IntArray
     choices: int = 2
     steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
-    known: frozenset[str] = frozenset()
+    known: Mapping[str, int] = field(default_factory=dict)
     goal_entities: frozenset[str] = frozenset()
     root: bool = True
     anchors: tuple[Anchor, ...] = ()
@@ -121,6 +123,7 @@ class Candidate:
             what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
         informative: whether φ says enough, and not by chance, see the function of that name.
+        only: of a loop, which entities it is about.
     """
 
     predicate: Predicate
@@ -140,6 +143,7 @@ class Candidate:
     standing: int = 0
     each: bool = False
     informative: bool = True
+    only: Predicate = field(default_factory=Truth)
 
     @property
     def separates(self) -> bool:
@@ -161,6 +165,7 @@ class Candidate:
         """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says."""
         lateness = 0.0 if self.each else self.first  # what a loop repeats is complete with the task
         price = lateness + ACCEPTED_COST * self.accepted + NODE_COST * self.size
+        price += ENTITY_COST * max(0, self.entities - 1)
         return round(price - BIT_GAIN * self.bits, 3)
 
     @property
@@ -178,7 +183,6 @@ class Candidate:
             not self.relevant or self.accepted > CLEAR,
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
-            self.entities,
             not self.each,
             self.standing,
             self.initial > OFTEN,
@@ -221,6 +225,17 @@ def likely_chance(accepted: BoolArray, crossings: int, choices: int, atoms: int 
     """
     share = (np.count_nonzero(accepted) + 1) / (len(accepted) + 2)
     return bool(atoms * np.log2(2 * choices) + crossings * np.log2(share) > np.log2(CHANCE))
+
+
+def is_copy(feature: Feature, known: Mapping[str, int]) -> bool:
+    """Tell whether what a feature looks at is compared already, by as many numbers.
+
+    Args:
+        feature: α.
+        known: greatest `Feature.detail` of each `Feature.family` that is compared already. That the hand is above a
+            block leaves much to say about where it is.
+    """
+    return known.get(feature.family, 0) >= feature.detail
 
 
 def level(share: float, levels: tuple[float, ...]) -> int:
@@ -266,7 +281,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         initial=float(np.mean(first == 0)),
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
         first=float(np.median(first / np.maximum(1, lengths - 1))),
-        copy=any(f.family in samples.known for f in it.features),
+        copy=any(is_copy(f, samples.known) for f in it.features),
         relevant=samples.goal_entities <= names,
         advances=_advances(first, lengths, samples.steps.get(names, ()))
         and (samples.root or bool(np.median(lengths - 1 - first) > 0)),

@@ -33,8 +33,8 @@ NO_WORSE = 0.1
 SLACK = 0.25
 """How far a threshold lies beyond the positives, in ranges of the positives: a sample's extreme is not the
 population's, and a predicate must also fit the entities and episodes to come."""
-UNSEEN = 3.0
-"""The rule of three: with 95 % confidence at most 3 / n of a population lie beyond the extreme of n samples."""
+ACCIDENT = 0.05
+"""How seldom samples fall as short of their population's extreme as a threshold allows for."""
 FEW = 0.02
 """Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
 LEAST_SLACK = 0.001
@@ -167,7 +167,7 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     if spread == 0.0:
         return None
     usual = usual_range(np.concatenate([pos, neg, values.frames]))
-    threshold, gap = bound(pos, neg, spread, usual, before)
+    threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
@@ -175,7 +175,8 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     said = bits(pos, threshold, usual, feature, sign)
     if np.mean(values.lasts < threshold) >= AGREEMENT:
         settled = np.minimum(pos, values.lasts)
-        said = max(said, bits(settled, bound(settled, neg, spread, usual)[0], usual, feature, sign))
+        closer, _ = bound(settled, neg, spread, usual, numbers=ball(feature, sign))
+        said = max(said, bits(settled, closer, usual, feature, sign))
     return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
 
@@ -191,18 +192,37 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
         pos: (P,) values of the positives, in the direction of `sign`.
         threshold: below which they lie.
         usual: range of what the feature is otherwise, see `usual_range`.
-        feature: how many numbers it sums up counts, too: a ball's volume falls with their count.
+        feature: of how many numbers it bounds the length counts, too: a ball's volume falls with their count.
         sign: 1 where it lies below, -1 where it lies above.
     """
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
-    width = threshold if isinstance(feature.term, Norm) and sign > 0 else few * (threshold - float(pos.min()))
+    width = threshold if ball(feature, sign) else few * (threshold - float(pos.min()))
     if usual == 0.0:
         return 0.0
-    return float(feature.detail * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
+    return float(max(1, ball(feature, sign)) * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
+
+
+def unseen(samples: int, numbers: int) -> float:
+    """Return how far beyond the extreme of samples their population may reach, with 95 % confidence.
+
+    Args:
+        samples: how many there are, evenly spread over an interval, or over a ball about zero.
+        numbers: dimensions of the ball; 0 for an interval.
+
+    Returns:
+        Share of the range of the samples, or of their greatest length.
+    """
+    freedom = samples * numbers if numbers else samples - 1
+    return float(ACCIDENT ** (-1 / max(1, freedom)) - 1)
+
+
+def ball(feature: Feature, sign: float) -> int:
+    """Return how many numbers a feature bounds the length of, where it lies below a threshold; else 0."""
+    return feature.detail if isinstance(feature.term, Norm) and sign > 0 else 0
 
 
 def bound(
-    pos: FloatArray, neg: FloatArray, spread: float, usual: float, before: FloatArray | None = None
+    pos: FloatArray, neg: FloatArray, spread: float, usual: float, before: FloatArray | None = None, numbers: int = 0
 ) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
@@ -212,13 +232,17 @@ def bound(
         spread: what counts as the gap where no negative lies beyond the positives, and as the unit of least slack.
         usual: range of what the feature is otherwise, see `usual_range`.
         before: (P,) values right before the goal; those beyond the positives show that the goal is what sets them.
+        numbers: of how many numbers the values are the length; 0 where they are none.
     """
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
     width = extreme - float(pos.min())
     slack = max(
-        max(SLACK, UNSEEN / len(pos)) * width, LEAST_SLACK * spread, STOP * usual if width < ALIKE * usual else 0
+        SLACK * width,
+        unseen(len(pos), numbers) * (extreme if numbers else width),
+        LEAST_SLACK * spread,
+        STOP * usual if width < ALIKE * usual and len(pos) > 1 else 0.0,  # one is always like itself
     )
     for values in (neg, pos if before is None else before):
         near = values[values > extreme]

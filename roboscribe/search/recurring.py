@@ -8,50 +8,20 @@ is reached; that is what the goal asks for, so it is measured there.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, size, uses_robot
-from roboscribe.dsl.semantics import evaluate
-from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative
+from roboscribe.dsl.rewrite import free_vars, size, uses_robot
+from roboscribe.dsl.syntax import Truth
+from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import bits, bound, usual_range
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.search.meant import EVERYBODY, Meant, Pairs, lasting_readings, parting
+from roboscribe.search.predicates import ball, bits, bound, usual_range
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, first_true
 
-
-@dataclass(frozen=True, eq=False)
-class Pairs:
-    """Demonstrations, read once for every entity of a type.
-
-    Args:
-        layout: meaning of the states.
-        entity: the name that stands for any of them, b1.
-        members: (N,) the entities.
-        frames: (S, F) demonstrations from their start to the first frame of ψ_R, one after the other.
-        starts: (D,) where each begins in `frames`.
-        negatives: (M, F), N_s.
-        known: families that the tree compares already.
-    """
-
-    layout: Layout
-    entity: str
-    members: tuple[int, ...]
-    frames: FloatArray
-    starts: IntArray
-    negatives: FloatArray
-    known: frozenset[str]
-
-    @property
-    def lasts(self) -> IntArray:
-        """Last frame of each demonstration, (D,)."""
-        return np.append(self.starts[1:], len(self.frames)) - 1
-
-    def values(self, feature: Feature, states: FloatArray) -> FloatArray:
-        """Evaluate a feature for every entity, (N, S)."""
-        named = ((e, {self.entity: self.layout.names[e]}) for e in self.members)
-        return np.stack([evaluate(rename(feature.term, m), states, {}, self.layout)[..., 0] for _, m in named])
+ARRIVING = 2
+"""Frames before ψ_R first holds within which something arrives for it: where it lies is measured at the last two."""
 
 
 def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[Candidate]:
@@ -63,36 +33,45 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
         pairs: evidence.
 
     Yields:
-        Candidates about `pairs.entity`, with `each` set.
+        Candidates about `pairs.entity`, with `each` set; where it is not every entity of the type, `only` says which.
 
     Departs: Algorithm 3, line 2 finds a loop when a predicate learned from one entity recurs with another; a predicate
         that was learned from all of them is a loop to begin with.
     """
+    readings = list(lasting_readings(features, pairs))
     for feature in features:
         if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
                 for sign in (1.0, -1.0):
-                    found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs)
-                    if found is not None:
-                        yield found
+                    for meant in (EVERYBODY, *parting(sign * values, readings, pairs)):
+                        found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, meant)
+                        if found is not None:
+                            yield found
 
 
 def _candidate(
-    feature: Feature, features: Sequence[Feature], sign: float, values: FloatArray, negatives: FloatArray, pairs: Pairs
+    feature: Feature,
+    features: Sequence[Feature],
+    sign: float,
+    values: FloatArray,
+    negatives: FloatArray,
+    pairs: Pairs,
+    meant: Meant,
 ) -> Candidate | None:
-    """Put a threshold where all entities lie once ψ_R holds; values (N, S) to lie below."""
+    """Put a threshold where all entities that are meant lie once ψ_R holds; values (N, S) to lie below."""
     spread = float(np.std(np.concatenate([values.ravel(), negatives.ravel()])))
     if spread == 0.0:
         return None
+    values, negatives = meant.alone(values, pairs.frames, pairs), meant.alone(negatives, pairs.negatives, pairs)
     worst = negatives.max(axis=0)
     at_end, before = values[:, pairs.lasts], values[:, pairs.lasts - 1]
     pos = np.minimum(at_end, before)
     settled = _settled(values, pos.max(), pairs)
-    kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos.ravel()
+    kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos[np.isfinite(pos)]
     # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
-    usual = usual_range(values.ravel())
-    threshold, gap = bound(kept, worst, spread, usual, before.ravel())
+    usual = usual_range(values[np.isfinite(values)])
+    threshold, gap = bound(kept, worst, spread, usual, before[np.isfinite(before)], ball(feature, sign))
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -111,27 +90,30 @@ def _candidate(
         initial=float(np.mean((first == 0).all(axis=1))),
         kept=_kept(truth, first, pairs),
         first=float(np.median((first / lengths)[late])) if late.any() else 1.0,
-        copy=feature.family in pairs.known,
+        copy=is_copy(feature, pairs.known.get(meant.only, pairs.known[Truth()])),
         relevant=True,
         advances=True,
         margin=gap / spread,
         scales=((str(feature.term), float(f"{spread:.4g}")),),
         entities=len(free_vars(feature.term)),
         bits=said,
-        size=size(predicate),
-        family=feature.family,
+        size=size(predicate) + size(meant.only) - size(Truth()),
+        family=feature.family if meant is EVERYBODY else f"{feature.family} where {meant.only}",
         each=True,
         informative=informative(said, worst < threshold, int(late.sum()), len(features)),
+        only=meant.only,
     )
 
 
 def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     """Tell which (entity, demonstration) pairs were left behind before ψ_R held, (N, D).
 
-    The one that was served last is still being served when a demonstration ends at once, so it may be further off.
+    The one that was served last is still being served when a demonstration ends at once, so it may be further off; not
+    where something else is done after it.
     """
     since = np.stack([_last_false(row < threshold, pairs) for row in values])
-    settled: BoolArray = (since >= 0) & (since < since.max(axis=0))
+    arriving = since >= pairs.lasts - pairs.starts - ARRIVING
+    settled: BoolArray = (since >= 0) & ((since < since.max(axis=0)) | ~arriving)
     return settled
 
 

@@ -189,6 +189,8 @@ def _imports(path: Path) -> tuple[str, ...]:
             case ast.ImportFrom(module=str(module), names=names):
                 found.add(module)
                 found.update(f"{module}.{alias.name}" for alias in names)
+            case _:
+                pass
     parents = {name.rpartition(".")[0] for name in found} | {name.partition(".")[0] for name in found}
     return tuple(sorted(found | parents - {""}))
 
@@ -199,5 +201,6 @@ def _runtime_nodes(node: ast.AST) -> Iterator[ast.AST]:
         match child:
             case ast.If(test=ast.Name(id="TYPE_CHECKING")):
                 continue
-        yield child
-        yield from _runtime_nodes(child)
+            case _:
+                yield child
+                yield from _runtime_nodes(child)

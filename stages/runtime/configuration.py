@@ -26,8 +26,10 @@ def encode(value: object) -> Json:
             return [encode(item) for item in value]
         case Mapping():
             return {str(key): encode(item) for key, item in value.items()}
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: encode(getattr(value, field.name)) for field in fields(value)}
+        case _ if is_dataclass(value) and not isinstance(value, type):
+            return {field.name: encode(getattr(value, field.name)) for field in fields(value)}
+        case _:
+            pass
     msg = f"settings hold {type(value).__name__} {value!r}; expected numbers, text, tuples or frozen dataclasses"
     raise TypeError(msg)
 

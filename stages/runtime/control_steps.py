@@ -3,8 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import assert_never
 
-from roboscribe.stages.runtime.events import Event, RolledOut, Trained
+from roboscribe.stages.runtime.events import (
+    Abandoned,
+    Evaluated,
+    Event,
+    Failed,
+    Filmed,
+    Ingested,
+    Packaged,
+    Programmed,
+    Refined,
+    Removed,
+    RolledOut,
+    Trained,
+)
 
 
 @dataclass
@@ -20,5 +34,17 @@ class ControlStepCounter:
                 self.env_steps += sum(int(report["control_steps"]) for report in reports)
             case RolledOut(_, counts, _):
                 self.env_steps += int(counts["control_steps"])
-            case _:
+            case (
+                Ingested()
+                | Programmed()
+                | Refined()
+                | Abandoned()
+                | Removed()
+                | Evaluated()
+                | Packaged()
+                | Filmed()
+                | Failed()
+            ):
                 pass
+            case _:
+                assert_never(event)

@@ -100,9 +100,11 @@ def read_outcome(out: Path) -> Outcome:
 def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:
     """Describe a candidate: all its figures, its predicate as text."""
     row = {field.name: getattr(candidate, field.name) for field in fields(candidate)}
-    return {**row, "predicate": text(candidate.predicate), "scales": [list(pair) for pair in candidate.scales]}
+    predicates = {name: text(row[name]) for name in ("predicate", "only")}
+    return {**row, **predicates, "scales": [list(pair) for pair in candidate.scales]}
 
 
 def _candidate_from_json(row: Mapping[str, Any]) -> Candidate:
     scales = tuple((str(term), float(scale)) for term, scale in row["scales"])
-    return Candidate(**{**row, "predicate": parse_predicate(row["predicate"]), "scales": scales})
+    read = {name: parse_predicate(row[name]) for name in ("predicate", "only")}
+    return Candidate(**{**row, **read, "scales": scales})

@@ -64,6 +64,8 @@ def test_every_step_is_a_run_or_a_figure(tmp_path: Path) -> None:
                 trained.extend(str(report["controller"]) for report in reports)
             case Refined(refinement, _):
                 refined.append(refinement.node.name)
+            case _:
+                pass
 
     run(scripted(), tmp_path, on_event=note)
     synchronise(tmp_path / "data" / "runs", mlruns)

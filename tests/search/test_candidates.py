@@ -60,7 +60,6 @@ def test_what_tells_failures_clearly_comes_before_what_is_about_the_goals_entiti
 def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete() -> None:
     loop = replace(BASE, each=True, first=1.0, standing=2, initial=0.2)
     assert loop.rank < BASE.rank
-    assert BASE.rank < replace(loop, entities=2).rank
 
 
 def test_what_separates_explains_only_if_it_is_a_new_step_about_the_goals_entities() -> None:

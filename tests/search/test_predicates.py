@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import conjuncts, walk
-from roboscribe.dsl.syntax import And, Const, Proj
-from roboscribe.search.candidates import Anchor
+from roboscribe.dsl.syntax import And, Const, Norm, Proj, Var
+from roboscribe.search.candidates import Anchor, is_copy
+from roboscribe.search.features import Feature
 from roboscribe.search.predicates import Candidate, bound, rank_predicates
 from tests.search.examples import FEATURES, GAUGES, LAYOUT, planted, random_states, samples, truth_of
 
@@ -128,12 +129,19 @@ def test_an_accident_before_the_predecessor_is_no_advance_for_the_atom_alone() -
 def test_a_weaker_copy_of_the_goal_explains_nothing() -> None:
     positives, negatives = planted(parse_predicate("b1↓p < 0.1"), np.random.default_rng(7))
     copied = next(f.family for f in FEATURES if str(f.term) == "b1↓p")
-    given = replace(samples(positives, negatives), known=frozenset([copied]))
+    given = replace(samples(positives, negatives), known={copied: 1})
     for candidate in rank_predicates(FEATURES, given):
         if gauges(candidate) == {"p"}:
             assert candidate.copy
             assert not candidate.explains
     assert set(GAUGES) > {"p"}
+
+
+def test_what_looks_at_more_numbers_is_no_copy() -> None:
+    wide = Feature(Norm(Proj(Var("b1"), "p")), family="b1.p", detail=3)
+    assert is_copy(replace(wide, detail=1), {"b1.p": 1})
+    assert is_copy(wide, {"b1.p": 3})
+    assert not is_copy(wide, {"b1.p": 1})
 
 
 @pytest.mark.parametrize("sharp_before", [False, True])
@@ -155,7 +163,7 @@ def test_a_threshold_leaves_room_for_what_was_not_seen_but_not_for_failures() ->
     seen = np.linspace(0.0, 1.0, 20)
     assert bound(seen, np.full(100, 10.0), 1.0, 10.0) == (1.25, 9.0)
     few = np.linspace(0.0, 1.0, 4)
-    assert bound(few, np.full(100, 10.0), 1.0, 10.0) == (1.75, 9.0), "of four samples up to three quarters lie beyond"
+    assert bound(few, np.full(100, 10.0), 1.0, 10.0) == (2.72, 9.0), "with four samples 0.05 to the power of -1/3"
     close = np.full(100, 1.1)
     threshold, gap = bound(seen, close, 1.0, 10.0)
     assert gap == pytest.approx(0.1)

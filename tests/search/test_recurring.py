@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from roboscribe.dsl.rewrite import walk
-from roboscribe.dsl.syntax import Const, Less
+from roboscribe.dsl.syntax import Const, Less, Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
-from roboscribe.search.recurring import Pairs, recurring_candidates
+from roboscribe.search.meant import Pairs
+from roboscribe.search.recurring import recurring_candidates
 from roboscribe.world.layout import FloatArray, IntArray, Layout
 from tests.search.examples import LAYOUT as ONE
 
@@ -31,12 +32,12 @@ def demonstrations(ends: FloatArray, begins: IntArray) -> FloatArray:
     return states
 
 
-def candidates(states: FloatArray, known: frozenset[str] = frozenset()) -> dict[str, Candidate]:
+def candidates(states: FloatArray, known: dict[str, int] | None = None) -> dict[str, Candidate]:
     """Find what recurs, by the text of its left side; in failures every p is high."""
     negatives = np.random.default_rng(4).uniform(0.0, 1.0, (500, TWO.size))
     negatives[:, P] = np.random.default_rng(5).uniform(0.5, 1.0, (500, 2))
     starts = np.arange(len(states)) * LENGTH
-    pairs = Pairs(TWO, "b1", (0, 1), states.reshape(-1, TWO.size), starts, negatives, known)
+    pairs = Pairs(TWO, "b1", (0, 1), states.reshape(-1, TWO.size), starts, negatives, {Truth(): known or {}})
     found = recurring_candidates(enumerate_features(TWO, ["b1"]), pairs)
     return {str(c.predicate.left): c for c in found if isinstance(c.predicate, Less)}
 
@@ -100,7 +101,7 @@ def test_what_only_one_block_is_brought_to_is_no_loop_of_three() -> None:
     states[:, 20:, P[0]] = 0.01
     flat, starts = states.reshape(-1, three.size), np.arange(DEMONSTRATIONS) * LENGTH
     negatives = np.random.default_rng(4).uniform(0.5, 1.0, (500, three.size))
-    pairs = Pairs(three, "b1", (0, 1, 2), flat, starts, negatives, frozenset())
+    pairs = Pairs(three, "b1", (0, 1, 2), flat, starts, negatives, {Truth(): {}})
     found = recurring_candidates(enumerate_features(three, ["b1"]), pairs)
     assert not [c for c in found if threshold(c) < 0.5]
 
@@ -113,4 +114,4 @@ def test_what_is_about_the_robot_lasts_for_no_loop(text: str) -> None:
 
 
 def test_what_the_tree_compares_already_is_a_copy() -> None:
-    assert candidates(demonstrations(CLOSE, ONE_BY_ONE), frozenset(["b1.p"]))["b1↓p"].copy
+    assert candidates(demonstrations(CLOSE, ONE_BY_ONE), {"b1.p": 1})["b1↓p"].copy

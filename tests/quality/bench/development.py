@@ -17,6 +17,7 @@ from tests.quality.bench.shapes import (
     DRAWER,
     EXTEND,
     FAUCET,
+    LAMP,
     MUG,
     MUG_ON_COASTER,
     OPEN,
@@ -225,5 +226,33 @@ TASKS: tuple[KinematicTask, ...] = (
         "order",
         (Kind("block", 4, goals="row", start="line"),),
         (Phase("block", order="goal x"),),
+    ),
+    # once outside the bench, and not found there
+    KinematicTask(
+        "readings-in-any-order",
+        "any order",
+        (BUTTON, Kind("lever", moves="turns", goal=()), BARE_DRAWER),
+        (PUSH_BUTTON, Phase("lever", (Aim("angle", "above", 0.9),)), OPEN),
+        phase_order="random",
+    ),
+    KinematicTask(
+        "two-towers",
+        "tower",
+        (Kind("apple", 2, goals="stack"), Kind("brick", 2, goals="stack", level=1)),
+        (Phase("apple", order="goal z"), Phase("brick", order="goal z")),
+    ),
+    KinematicTask(
+        "only-the-red-ones",
+        "own",
+        (Kind("block", 4, constants=("colour",)),),
+        (Phase("block", only="colour > 0.5"),),
+    ),
+    KinematicTask("two-by-a-lamp", "conditions", (LAMP, MUG, DRAWER), (Phase("mug"), PULL), phase_order="lamp lit"),
+    KinematicTask(
+        "three-by-a-lamp",
+        "conditions",
+        (LAMP, MUG, DRAWER, FAUCET),
+        (Phase("mug"), PULL, TURN_FAUCET),
+        phase_order="lamp lit",
     ),
 )

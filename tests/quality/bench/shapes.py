@@ -25,6 +25,7 @@ BARE_FAUCET = Kind("faucet", moves="turns", goal=())
 MUG = Kind("mug")
 BARE_MUG = Kind("mug", goal=())
 COASTER = Kind("coaster", moves="fixed", goal=())
+LAMP = Kind("lamp", moves="fixed", goal=(), constants=("lit",))
 
 SERVE_BLOCKS = Phase("block")
 BUILD = Phase("block", order="goal z")

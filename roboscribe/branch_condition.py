@@ -1,0 +1,100 @@
+"""When one branch comes before another (Sec. 4.5): conditions on what stands when they are chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from roboscribe.dsl.rewrite import size
+from roboscribe.dsl.semantics import evaluate, holds
+from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Proj, Term, Var
+from roboscribe.errors import Fail
+from roboscribe.evidence import Evidence
+from roboscribe.search.meant import STILL
+from roboscribe.subtask_tree import Node
+from roboscribe.world.layout import Attribute, BoolArray
+from roboscribe.world.trajectory import AGREEMENT
+
+
+def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
+    """Find when `one` is reached before `other`, as a predicate on the initial state.
+
+    Args:
+        evidence: demonstrations.
+        one: a branch's node.
+        other: the branch that comes first where the predicate is false.
+
+    Returns:
+        The smallest comparison of attributes of the two nodes' entities and goals, or its negation; where there is
+        none, what a number that no branch changes has to do with it. Fail where nothing explains it, or where there
+        are so few demonstrations that something would by accident.
+
+    Source: Sec. 4.5.
+    """
+    first = evidence.first_steps(one.lifted(evidence.types)) < evidence.first_steps(other.lifted(evidence.types))
+    starts = evidence.states[evidence.starts]
+    names = (*one.entities, *other.entities)
+    tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
+    if len(first) < np.log2(max(1, 2 * len(tests))):
+        return Fail(f"too few demonstrations to tell why {one.name} sometimes comes before {other.name}")
+    for test in tests:
+        truth = holds(test, starts, {}, evidence.layout)
+        for predicate, answer in ((test, truth), (Not(test), ~truth)):
+            if np.mean(answer != first) <= 1.0 - AGREEMENT:
+                return predicate
+    reading = _telling_reading(evidence, first)
+    if reading is not None:
+        return reading
+    return Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
+
+
+def _telling_reading(evidence: Evidence, first: BoolArray) -> Predicate | None:
+    """Find a number on whose side of a threshold it depends whether `first` (D,); None where there is none."""
+    starts, layout = evidence.states[evidence.starts], evidence.layout
+    readings = list(_lasting_readings(evidence))
+    if len(first) < np.log2(max(1, 2 * len(readings) * len(first))):
+        return None
+    for term in readings:
+        values = evaluate(term, starts, {}, layout)[..., 0]
+        levels = np.unique(values)
+        cuts = (levels[1:] + levels[:-1]) / 2
+        wrong = np.mean((values < cuts[:, None]) != first, axis=1)
+        for side, missed in ((Less, wrong), (Greater, 1.0 - wrong)):
+            if len(cuts) and missed.min() <= 1.0 - AGREEMENT:
+                best = np.flatnonzero(missed == missed.min())
+                widest = best[np.argmax(np.diff(levels)[best])]
+                return side(term, Const(float(f"{cuts[widest]:.3g}")))
+    return None
+
+
+def _lasting_readings(evidence: Evidence) -> Iterator[Term]:
+    """Yield single numbers of entities that have no like, and of their goals, that no demonstration changes."""
+    layout = evidence.layout
+    begun = np.repeat(evidence.starts, np.diff(np.append(evidence.starts, len(evidence.states))))
+    for name, kind in evidence.types.items():
+        if len(layout.of_type(kind)) == 1:
+            for goal in (False, True):
+                item = Goal(Var(name)) if goal else Var(name)
+                for attribute in layout.types[kind].described(goal):
+                    for term in (Proj(item, c) for c in attribute.components if attribute.is_place):
+                        values = evaluate(term, evidence.states, {}, layout)[..., 0]
+                        if np.abs(values - values[begun]).max() <= STILL * np.ptp(values[evidence.starts]):
+                            yield term
+
+
+def _cross_comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predicate]:
+    for one, two in combinations(names, 2):
+        kinds = [evidence.layout.types[evidence.types[n]] for n in (one, two)]
+        for goals in (True, False):
+            shared = [a for a in kinds[0].described(goals) if a.is_place and _same(a, kinds[1].described(goals))]
+            for attribute in shared:
+                ends = [Goal(Var(n)) if goals else Var(n) for n in (one, two)]
+                yield from (Less(Proj(ends[0], c), Proj(ends[1], c)) for c in attribute.components)
+
+
+def _same(attribute: Attribute, others: Sequence[Attribute]) -> bool:
+    """Whether one of `others` measures the same."""
+    shape = (attribute.name, attribute.unit, attribute.components)
+    return any((a.name, a.unit, a.components) == shape for a in others)

@@ -1,0 +1,130 @@
+"""Which entities of a type a loop is about: all of them, or those on one side of a number that nothing changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import comb, log2
+
+import numpy as np
+
+from roboscribe.dsl.rewrite import free_vars, rename
+from roboscribe.dsl.semantics import evaluate, holds
+from roboscribe.dsl.syntax import Predicate, Proj, Truth
+from roboscribe.search.features import Feature
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
+from roboscribe.world.trajectory import AGREEMENT
+
+STILL = 0.01
+"""Share of the range of its initial values by which a number may change that counts as lasting: sensors are noisy."""
+MOST_CUTS = 15
+"""Thresholds that are tried for one number; where more would tell entities apart, as many evenly spread ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Demonstrations, read once for every entity of a type.
+
+    Args:
+        layout: meaning of the states.
+        entity: the name that stands for any of them, b1.
+        members: (N,) the entities.
+        frames: (S, F) demonstrations from their start to the first frame of ψ_R, one after the other.
+        starts: (D,) where each begins in `frames`.
+        negatives: (M, F), N_s.
+        known: what the tree compares already, see `is_copy`, for those entities that its loops mean.
+    """
+
+    layout: Layout
+    entity: str
+    members: tuple[int, ...]
+    frames: FloatArray
+    starts: IntArray
+    negatives: FloatArray
+    known: Mapping[Predicate, Mapping[str, int]]
+
+    @property
+    def lasts(self) -> IntArray:
+        """Last frame of each demonstration, (D,)."""
+        return np.append(self.starts[1:], len(self.frames)) - 1
+
+    def values(self, feature: Feature, states: FloatArray) -> FloatArray:
+        """Evaluate a feature for every entity, (N, S)."""
+        named = ((e, {self.entity: self.layout.names[e]}) for e in self.members)
+        return np.stack([evaluate(rename(feature.term, m), states, {}, self.layout)[..., 0] for _, m in named])
+
+    def truth(self, predicate: Predicate, states: FloatArray) -> BoolArray:
+        """Evaluate a predicate about `entity` for every entity, (N, S)."""
+        return np.stack([holds(predicate, states, {self.entity: e}, self.layout) for e in self.members])
+
+
+@dataclass(frozen=True, eq=False)
+class Meant:
+    """A share of the entities of a type.
+
+    Args:
+        only: which, about `Pairs.entity`; True for all.
+    """
+
+    only: Predicate
+
+    def alone(self, values: FloatArray, states: FloatArray, pairs: Pairs) -> FloatArray:
+        """Put (N, S) values of entities that are not meant below every threshold: nothing is left to do about them."""
+        if self.only == Truth():
+            return values
+        return np.where(pairs.truth(self.only, states), values, -np.inf)
+
+
+EVERYBODY = Meant(Truth())
+
+
+def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[tuple[Feature, FloatArray]]:
+    """Yield single numbers of an entity, or of its goal, that no demonstration changes, with their values (N, D)."""
+    begun = np.repeat(pairs.starts, pairs.lasts - pairs.starts + 1)
+    for feature in features:
+        term = feature.term
+        if isinstance(term, Proj) and feature.over is None and free_vars(term) == (pairs.entity,):
+            values = pairs.values(feature, pairs.frames)
+            initial = values[:, pairs.starts]
+            if np.ptp(initial) > 0.0 and np.abs(values - values[:, begun]).max() <= STILL * np.ptp(initial):
+                yield feature, initial
+
+
+def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], pairs: Pairs) -> Iterator[Meant]:
+    """Find entities that end below a threshold where all others end beyond it, told by a number that nothing changes.
+
+    Args:
+        values: (N, S) of a feature, to lie below a threshold once ψ_R holds.
+        readings: what may tell them, see `lasting_readings`.
+        pairs: evidence.
+
+    Yields:
+        For each number the share of entities that it parts best from the others, if it parts them at all, and if that
+        says more than it takes to choose it.
+    """
+    ends = values[:, pairs.lasts]
+    for feature, initial in readings:
+        sides = [(s, c) for c in _cuts(initial) for s in (1.0, -1.0)]
+        best = max(sides, key=lambda side: _parted(ends, side[0] * initial < side[0] * side[1]), default=None)
+        if best is None:
+            continue
+        sign, cut = best
+        chosen = sign * initial < sign * cut
+        said = log2(comb(chosen.size, int(chosen.sum())))
+        if _parted(ends, chosen) > 0.0 and said >= log2(2 * len(sides) * max(1, len(readings)) * len(pairs.members)):
+            yield Meant((feature.below if sign > 0 else feature.above)(cut))
+
+
+def _cuts(values: FloatArray) -> list[float]:
+    """Thresholds between different values."""
+    levels = np.unique(values)
+    between = (levels[1:] + levels[:-1]) / 2
+    picked = between[np.unique(np.linspace(0, len(between) - 1, MOST_CUTS).astype(int))] if len(between) else between
+    return [float(f"{cut:.3g}") for cut in picked]
+
+
+def _parted(ends: FloatArray, chosen: BoolArray) -> float:
+    """Return how wide the gap is between where those chosen end and where the others do; not above 0 for none."""
+    if not chosen.any() or chosen.all():
+        return -np.inf
+    return float(np.quantile(ends[~chosen], 1.0 - AGREEMENT) - np.quantile(ends[chosen], AGREEMENT))
