@@ -202,9 +202,7 @@ class BaselineRun:
                 work = self._work(callbacks, tracker)
                 result = work.fail or self._result(work, commit)
             except BaseException as error:
-                killed = isinstance(error, KeyboardInterrupt | SystemExit)
-                tracker.status("KILLED" if killed else "FAILED")
-                tracker.leave() if killed else tracker.close(timeout=30.0)
+                tracker.stopped_by(error)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
             if isinstance(result, Fail):

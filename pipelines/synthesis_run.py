@@ -83,9 +83,7 @@ class SynthesisRun:
                 found = self._synthesize(callbacks, (tracker.on_event, event_log.on_event), tracker)
                 result = found if isinstance(found, Fail) else self._result(found, tracker.env_steps, commit)
             except BaseException as error:
-                killed = isinstance(error, KeyboardInterrupt | SystemExit)
-                tracker.status("KILLED" if killed else "FAILED")
-                tracker.leave() if killed else tracker.close(timeout=30.0)
+                tracker.stopped_by(error)
                 raise
             seconds = round(tracker.seconds(perf_counter() - start), 3)
             event_log.end(

@@ -6,7 +6,10 @@ import os
 from collections.abc import Callable
 
 import pytest
+from hypothesis import settings
 
+settings.register_profile("any machine", deadline=None)  # a deadline would measure how busy this one is
+settings.load_profile("any machine")
 TORTURE = "ROBOSCRIBE_TORTURE"
 """Environment variable under which tests of reliability try many cases instead of a few."""
 Figure = Callable[[str, int, int], None]

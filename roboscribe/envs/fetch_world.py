@@ -11,6 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from roboscribe.envs import fetch, fetch_hand
+from roboscribe.envs.actions import checked
 from roboscribe.envs.demonstrator import ScriptedTask
 from roboscribe.envs.engine import Engine
 from roboscribe.envs.scene_painter import Marker, ScenePainter, Viewpoint
@@ -30,19 +31,6 @@ def at_goals(states: FloatArray) -> BoolArray:
     seen = fetch.view(states)
     reached: BoolArray = (np.linalg.norm(seen.blocks - seen.goals, axis=-1) < TOLERANCE).all(axis=-1)
     return reached
-
-
-def checked(rows: IntArray, actions: FloatArray) -> FloatArray:
-    """Clip actions (R, A) to [-1, 1].
-
-    Raises:
-        ValueError: an action is not finite.
-    """
-    bad = ~np.isfinite(actions).all(axis=1)
-    if bad.any():
-        msg = f"actions of rows {np.asarray(rows)[bad].tolist()} are not finite: {actions[bad][0].tolist()}"
-        raise ValueError(msg)
-    return np.clip(actions, -1.0, 1.0)
 
 
 @dataclass(frozen=True)

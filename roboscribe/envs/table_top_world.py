@@ -6,9 +6,9 @@ import numpy as np
 from numpy.random import Generator
 
 from roboscribe.envs import table_top_scene as scene
+from roboscribe.envs.actions import checked
 from roboscribe.envs.engine import Engine
 from roboscribe.envs.fetch import ROBOT_TYPE, XYZ
-from roboscribe.envs.fetch_world import checked
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, Layout, ObjectType
 from roboscribe.world.task import World

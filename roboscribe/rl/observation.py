@@ -37,7 +37,7 @@ TURNED_SCALES = (0.1, 0.025)
 """Scales in metres of the copies of differences along and across others."""
 LEAST_LENGTH = 1e-3
 """A difference shorter than this has no direction, m."""
-CLIP = 3.0
+CLIP = 4.0
 """Bound of a normalised input, in standard deviations: what no demonstration came near must not drown the rest."""
 LEAST_SPREADS = {"m": 0.01, "rad": 0.1}
 """Least standard deviation by which a feature is divided, by unit: what demonstrations hardly vary must not explode."""

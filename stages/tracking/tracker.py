@@ -46,6 +46,8 @@ LOG = "tracking.log"
 IDENTITY = ("run", "kind", "key", "step")
 EVALUATION = "evaluation"
 SECONDS = "wall_seconds"
+STOPPED_SECONDS = 30.0
+"""Seconds for which a run that failed waits until that is copied."""
 STEPS = "steps"
 """Unit of progress that is a learner's."""
 _COLUMNS = (
@@ -128,6 +130,15 @@ class Tracker:
         """Let the copying process finish by itself, without waiting for it."""
         if self._follower is not None and self._follower.stdin is not None:
             self._follower.stdin.close()
+
+    def stopped_by(self, error: BaseException) -> None:
+        """Journal how a run was stopped; whoever was interrupted does not wait until that is copied."""
+        killed = isinstance(error, KeyboardInterrupt | SystemExit)
+        self.status("KILLED" if killed else "FAILED")
+        if killed:
+            self.leave()
+        else:
+            self.close(timeout=STOPPED_SECONDS)
 
     def status(self, value: str) -> None:
         """Journal the run's status: RUNNING, FINISHED, FAILED or KILLED."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from roboscribe.errors import ArtifactError, TaskError
 from roboscribe.evaluation import measure
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.saved_program import load_program, save_program
-from roboscribe.pipelines import cli
 from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.programs import load_with_task
@@ -29,6 +27,8 @@ from roboscribe.stages.runtime.store import Store
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.tracking.mlflow_store import JOURNAL
 from tests.baselines.examples import TINY
+from tests.pipelines.conftest import command as command  # a fixture is found by its name
+from tests.pipelines.runs import Command
 
 TASK = TaskConfig("point-tower-3")
 
@@ -104,22 +104,7 @@ def test_a_damaged_network_is_refused(demonstrations: Path, tmp_path: Path) -> N
         load_with_task(tmp_path / "cut", None, "stable", "fast")
 
 
-@pytest.fixture
-def command(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
-    """Run a command in an empty home without tracking; returns its exit code."""
-    monkeypatch.setenv("ROBOSCRIBE_HOME", str(tmp_path / "home"))
-    monkeypatch.setattr("roboscribe.stages.tracking.tracker.Tracker.start", lambda tracker: None)
-
-    def call(*arguments: object) -> int:
-        monkeypatch.setattr("sys.argv", ["roboscribe", *map(str, arguments)])
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        return int(ended.value.code or 0)
-
-    return call
-
-
-def test_the_command(command: Callable[..., int], demonstrations: Path, tmp_path: Path) -> None:
+def test_the_command(command: Command, demonstrations: Path, tmp_path: Path) -> None:
     out, told, again = tmp_path / "policy", tmp_path / "told.json", tmp_path / "again.json"
     asked = ["--steps", 3, "--demos", demonstrations, "--engine", "local", "--episodes", 4, "--out", out]
     assert command("baseline", "bc", TASK.name, *asked, "--json", told) == 0
@@ -138,7 +123,7 @@ def test_the_command(command: Callable[..., int], demonstrations: Path, tmp_path
     assert (tmp_path / "film.gif").read_bytes().startswith(b"GIF89a")
 
 
-def test_bad_input_is_one_line(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_one_line(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("baseline", "telepathy", TASK.name) == 2
     assert "unknown baseline 'telepathy': expected one of bc, chunked-bc" in capsys.readouterr().err
     assert command("baseline", "bc", TASK.name, "--engine", "magic") == 2

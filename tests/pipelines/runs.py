@@ -17,6 +17,8 @@ from roboscribe.stages.runtime.events import Event
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.synthesis_plan import SynthesisPlan
 from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.stages.tracking.mlflow_store import synchronise
+from tests.pipelines.stores import empty_store
 
 TASK = TaskConfig("point-pick-place-1")
 Command = Callable[..., int]
@@ -78,3 +80,11 @@ def outputs(home: Path) -> dict[str, bytes]:
     """Read what the stages of a run wrote, but for when they wrote it."""
     found = contents(home / "data" / "stages")
     return {name: data for name, data in found.items() if Path(name).name not in ("timing.json", "metrics.jsonl")}
+
+
+def tracked(home: Path) -> Path:
+    """Do one run in an empty home and copy it to MLflow; returns the home."""
+    empty_store(home / "mlruns")
+    run(scripted(), home)
+    synchronise(home / "data" / "runs", home / "mlruns")
+    return home

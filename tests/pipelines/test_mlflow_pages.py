@@ -21,9 +21,7 @@ from mlflow import MlflowClient
 from roboscribe.io.tracked import database_uri
 from roboscribe.pipelines.mlflow_app import HEAD, SCRIPT, edited
 from roboscribe.pipelines.mlflow_server import APP
-from roboscribe.stages.tracking.mlflow_store import synchronise
-from tests.pipelines.runs import run, scripted
-from tests.pipelines.stores import empty_store
+from tests.pipelines.runs import tracked
 
 BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
 SECONDS = 90.0
@@ -45,11 +43,7 @@ def test_the_line_stands_first_in_the_page() -> None:
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a home with one run that is tracked."""
-    home = tmp_path_factory.mktemp("home")
-    empty_store(home / "mlruns")
-    run(scripted(), home)
-    synchronise(home / "data" / "runs", home / "mlruns")
-    return home
+    return tracked(tmp_path_factory.mktemp("home"))
 
 
 @pytest.fixture(scope="module")

@@ -27,6 +27,9 @@ from tests.pipelines.runs import contents, learned, outputs, run, scripted
 from tests.pipelines.stores import empty_store, statuses
 
 FORK = get_context("fork")
+RUN = "-m roboscribe.pipelines.cli synthesize point-pick-place-1 --profile scripted --episodes 40"
+COMMAND = RUN.split()
+"""Words behind the interpreter."""
 """Children that need not import anything again."""
 PROGRAM = {"controllers.safetensors", "manifest.json", "program.txt", "tree.json"}
 
@@ -184,16 +187,7 @@ def test_row_14_the_same_run_twice_at_once(tmp_path: Path) -> None:
 @pytest.mark.torture
 def test_row_14_four_runs_on_a_fresh_store_with_the_default_engine(tmp_path: Path, figure: Figure) -> None:
     """Four commands at once, each starting Prefect's server on the same new database and MLflow's on the same store."""
-    command = [
-        sys.executable,
-        "-m",
-        "roboscribe.pipelines.cli",
-        "synthesize",
-        "point-pick-place-1",
-        "--profile",
-        "scripted",
-    ]
-    command += ["--episodes", "40", "--home", str(tmp_path)]
+    command = [sys.executable, *COMMAND, "--home", str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     runs = [subprocess.Popen([*command, "--seed", str(seed)], env=environment) for seed in range(4)]
     assert [process.wait(600) for process in runs] == [0] * 4

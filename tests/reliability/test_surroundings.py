@@ -19,18 +19,8 @@ from roboscribe.stages.runtime.journal import read_records
 from tests.conftest import Figure, effort
 from tests.pipelines.runs import contents, outputs, run, scripted
 from tests.reliability.terminal import ROOT
-from tests.reliability.test_runs import FORK
+from tests.reliability.test_runs import COMMAND, FORK
 
-COMMAND = [
-    "-m",
-    "roboscribe.pipelines.cli",
-    "synthesize",
-    "point-pick-place-1",
-    "--profile",
-    "scripted",
-    "--episodes",
-    "40",
-]
 FULL = 7
 """Exit code of a child that met a full disk and said so."""
 

@@ -17,9 +17,9 @@ import roboscribe
 from roboscribe.errors import ArtifactError
 from roboscribe.io.tracked import database_uri
 from roboscribe.stages.tracking.mlflow_model import register
-from roboscribe.stages.tracking.mlflow_store import KIND, KIND_TAG, synchronise
-from tests.pipelines.runs import run, scripted
-from tests.pipelines.stores import empty_store, points
+from roboscribe.stages.tracking.mlflow_store import KIND, KIND_TAG
+from tests.pipelines.runs import tracked
+from tests.pipelines.stores import points
 
 LOAD = """
 import json, sys
@@ -34,11 +34,7 @@ print(json.dumps([list(actions.columns), actions.to_numpy().tolist(), model.meta
 @pytest.fixture(scope="module")
 def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a home with one run that is tracked."""
-    home = tmp_path_factory.mktemp("home")
-    empty_store(home / "mlruns")
-    run(scripted(), home)
-    synchronise(home / "data" / "runs", home / "mlruns")
-    return home
+    return tracked(tmp_path_factory.mktemp("home"))
 
 
 @pytest.fixture

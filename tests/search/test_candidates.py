@@ -11,26 +11,13 @@ import pytest
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
 from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge, likely_chance
+from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import NEVER, first_true
 from tests.search.examples import feature, random_states, samples
+from tests.story import candidate
 
-BASE = Candidate(
-    predicate=Truth(),
-    accepted=0.0,
-    initial=0.0,
-    kept=1.0,
-    first=0.5,
-    copy=False,
-    relevant=True,
-    advances=True,
-    margin=0.1,
-    scales=(),
-    entities=1,
-    bits=3.0,
-    size=5,
-    family="",
-)
+BASE = candidate(Node("", Truth()))
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from roboscribe.envs.actions import checked
 from roboscribe.envs.arm.osc import rotate, torques, turn_error
 from roboscribe.envs.drawer import geometry
 from roboscribe.envs.drawer.model import TIMINGS, Places, chain, drawer_model, start
@@ -26,19 +27,6 @@ def servo(rotation: FloatArray, wanted: FloatArray = DOWN) -> FloatArray:
     robosuite's goals are relative to the present pose: commanded to keep it, the hand would turn away little by little.
     """
     return np.clip(turn_error(wanted, rotation) / MOST_TURN, -1.0, 1.0)
-
-
-def checked(rows: IntArray, actions: FloatArray) -> FloatArray:
-    """Clip actions (R, A) to [-1, 1].
-
-    Raises:
-        ValueError: an action is not finite.
-    """
-    bad = ~np.isfinite(actions).all(axis=1)
-    if bad.any():
-        msg = f"actions of rows {np.asarray(rows)[bad].tolist()} are not finite: {actions[bad][0].tolist()}"
-        raise ValueError(msg)
-    return np.clip(actions, -1.0, 1.0)
 
 
 def _picked(states: FloatArray, columns: IntArray) -> FloatArray:
