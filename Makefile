@@ -3,7 +3,7 @@ BIN := .venv/bin
 export OMP_NUM_THREADS ?= 1
 export GIT_PYTHON_REFRESH ?= quiet
 
-.PHONY: install run test lint slow-test bench torture clean
+.PHONY: install run test lint slow-test exact bench torture clean
 
 install: .venv/installed
 
@@ -25,6 +25,9 @@ lint: install
 
 slow-test: install
 	$(BIN)/python -m pytest -q -m slow
+
+exact: install
+	$(BIN)/python -m pytest -q -m 'slow or not slow' -n 2 tests/quality/test_exact_answers.py
 
 bench: install
 	$(BIN)/python -m tests.benchmarks

@@ -12,6 +12,7 @@ from rich.text import Text
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.printer import pretty, text
 from roboscribe.dsl.rewrite import controllers
+from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.progress_bar import ProgressBar
 from roboscribe.search.candidates import Candidate
@@ -95,7 +96,8 @@ class SynthesisConsole(ProgressBar):
     def _refined(self, event: Refined) -> None:
         self._refinements += 1
         refinement, node = event.refinement, event.refinement.node
-        head = f"refinement {self._refinements}: {node.name} ≡ {text(node.predicate)}, a subgoal of {refinement.psi}"
+        meaning = f"{node.name} ≡ {text(node.predicate)}{_those(node.only)}"
+        head = f"refinement {self._refinements}: {meaning}, a subgoal of {refinement.psi}"
         self.say(head, "bold cyan")
         self.say(f"  because {reason_line(refinement)}")
         for phi, why_not in refinement.passed_over:
@@ -103,6 +105,11 @@ class SynthesisConsole(ProgressBar):
         self.say(f"  its program explains {event.explained} of {event.demonstrations} demonstrations")
         if len(refinement.table) > 1:
             self.console.print(ranked_table(refinement.table))
+
+
+def _those(only: Predicate) -> str:
+    """Say whom a loop is about, if it is not about all."""
+    return "" if only == Truth() else f" for those with {text(only)}"
 
 
 def reason_line(refinement: Refinement) -> str:
@@ -124,7 +131,7 @@ def ranked_table(candidates: Iterable[Candidate]) -> Table:
         table.add_column(title, justify="left" if title == "predicate" else "right", no_wrap=title != "predicate")
     for rank, c in enumerate(list(candidates)[:ROWS], start=1):
         shares = (f"{c.accepted:.1%}", f"{c.first:.0%}", f"{c.kept:.0%}", f"{c.initial:.0%}", f"{c.margin:.2f}")
-        table.add_row(str(rank), Text(text(c.predicate)), *shares)
+        table.add_row(str(rank), Text(text(c.predicate) + _those(c.only)), *shares)
     return table
 
 

@@ -185,6 +185,16 @@ def usual_range(values: FloatArray) -> float:
     return float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
 
 
+def far_side(pos: FloatArray) -> float:
+    """Return where positives (P,) end that are to lie below a threshold, at the side that it does not bound.
+
+    What a few reach beyond what is needed (a mug that is to be pushed rolls on) says nothing about the threshold: a
+    twentieth is left out where the others lie in less than half of the whole range.
+    """
+    extreme, end, usual_end = float(pos.max()), float(pos.min()), float(np.quantile(pos, 1.0 - AGREEMENT))
+    return usual_end if extreme - usual_end < 0.5 * (extreme - end) else end
+
+
 def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign: float) -> float:
     """Return how much the positives say: how narrow they are among the usual values, as a binary logarithm.
 
@@ -196,7 +206,8 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
         sign: 1 where it lies below, -1 where it lies above.
     """
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
-    width = threshold if ball(feature, sign) else few * (threshold - float(pos.min()))
+    # The slack that we add to a threshold is not what the positives say; a ball is what it is said to be.
+    width = threshold if ball(feature, sign) else few * (float(pos.max()) - far_side(pos))
     if usual == 0.0:
         return 0.0
     return float(max(1, ball(feature, sign)) * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
@@ -237,7 +248,7 @@ def bound(
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
-    width = extreme - float(pos.min())
+    width = extreme - far_side(pos)
     slack = max(
         SLACK * width,
         unseen(len(pos), numbers) * (extreme if numbers else width),

@@ -106,5 +106,5 @@ def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:
 
 def _candidate_from_json(row: Mapping[str, Any]) -> Candidate:
     scales = tuple((str(term), float(scale)) for term, scale in row["scales"])
-    read = {name: parse_predicate(row[name]) for name in ("predicate", "only")}
+    read = {"predicate": parse_predicate(row["predicate"]), "only": parse_predicate(row.get("only", "true"))}
     return Candidate(**{**row, **read, "scales": scales})

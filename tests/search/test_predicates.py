@@ -14,7 +14,7 @@ from roboscribe.dsl.rewrite import conjuncts, walk
 from roboscribe.dsl.syntax import And, Const, Norm, Proj, Var
 from roboscribe.search.candidates import Anchor, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import Candidate, bound, rank_predicates
+from roboscribe.search.predicates import Candidate, bound, far_side, rank_predicates
 from tests.search.examples import FEATURES, GAUGES, LAYOUT, planted, random_states, samples, truth_of
 
 
@@ -168,6 +168,15 @@ def test_a_threshold_leaves_room_for_what_was_not_seen_but_not_for_failures() ->
     threshold, gap = bound(seen, close, 1.0, 10.0)
     assert gap == pytest.approx(0.1)
     assert threshold == pytest.approx(1.05), "half-way to the next failure"
+
+
+def test_what_a_few_reach_beyond_what_is_needed_says_nothing_about_the_threshold() -> None:
+    usual = np.linspace(-0.02, 0.03, 50)
+    beyond = np.append(usual[2:], [-0.9, -1.0])
+    failures = np.full(100, 0.08)
+    assert bound(beyond, failures, 0.05, 0.1) == pytest.approx(bound(usual, failures, 0.05, 0.1), abs=1e-3)
+    spread_out = np.linspace(-1.0, 0.03, 50)
+    assert far_side(spread_out) == -1.0, "all that differ much are no exceptions"
 
 
 def test_a_threshold_lies_short_of_a_stop() -> None:

@@ -36,7 +36,7 @@ class Kind:
         start: "scattered" or "line".
         constants: attributes that never change: "weight", "size" (all different), "colour", "lit" (0 or 1).
         initial: whether the state says what the joint was at the start, as `initial_extension` or the like.
-        locked_by: a kind that must be served before this one can be moved.
+        locked_by: a kind whose first phase must be over before this one can be moved, and still be.
     """
 
     name: str

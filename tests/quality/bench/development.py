@@ -75,7 +75,7 @@ TASKS: tuple[KinematicTask, ...] = (
     KinematicTask(
         "drawer-closed-again",
         "drawer",
-        (BARE_DRAWER, Kind("cube", 2, goals="rides", inside="drawer")),
+        (BARE_DRAWER, Kind("cube", 2, goals="rides", inside="drawer", locked_by="drawer")),
         (replace(OPEN, passing=True), Phase("cube"), Phase("drawer", (CLOSED,))),
     ),
     # mug, drawer, faucet

@@ -168,7 +168,7 @@ class KinematicTask(Task):
     def unlocked(self, states: FloatArray, kind: Kind) -> BoolArray:
         """Whether objects of a kind can be moved."""
         keys = [self.done(states, phase) for phase in self.phases if phase.kind == kind.locked_by]
-        return np.asarray(np.logical_and.reduce([np.ones(states.shape[:-1], dtype=np.bool_), *keys]))
+        return np.asarray(np.logical_and.reduce([np.ones(states.shape[:-1], dtype=np.bool_), *keys[:1]]))
 
     def rank(self, states: FloatArray, order: str, entity: int) -> FloatArray:
         """Return what an order goes by (...): the entity with the least comes first."""
