@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from roboscribe.dsl.replay import Moment
 from roboscribe.envs.panel import RecordedEpisode
 from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_grid, write_video
@@ -53,6 +51,6 @@ def film_demonstrations(
 def _take(trajectory: Trajectory, task: Task, number: int) -> RecordedEpisode:
     """Return a demonstration as an episode that no program ran."""
     states, stored = trajectory.states, trajectory.snapshots
-    snapshots = np.zeros((len(states), 0)) if stored is None else stored
+    snapshots = states[:, :0] if stored is None else stored
     solved = bool(task.solved(states[-1]))
     return RecordedEpisode(states, snapshots, (NO_PROGRAM,) * len(states), solved, f"demonstration {number}")
