@@ -12,7 +12,7 @@ from roboscribe.dsl.semantics import evaluate, holds
 from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Proj, Term, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.search.meant import STILL
+from roboscribe.search.loop_entities import STILL
 from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import Attribute, BoolArray
 from roboscribe.world.trajectory import AGREEMENT

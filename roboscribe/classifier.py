@@ -15,7 +15,7 @@ from roboscribe.evidence import Crossings, Evidence
 from roboscribe.search.candidates import Anchor, Candidate, Samples
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import Feature, enumerate_features
-from roboscribe.search.meant import Pairs
+from roboscribe.search.loop_entities import Pairs
 from roboscribe.search.naming import name_predicate
 from roboscribe.search.predicates import rank_predicates
 from roboscribe.search.recurring import recurring_candidates

@@ -9,7 +9,7 @@ from roboscribe.dsl.rewrite import walk
 from roboscribe.dsl.syntax import Const, Less, Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
-from roboscribe.search.meant import Pairs
+from roboscribe.search.loop_entities import Pairs
 from roboscribe.search.recurring import recurring_candidates
 from roboscribe.world.layout import FloatArray, IntArray, Layout
 from tests.search.examples import LAYOUT as ONE

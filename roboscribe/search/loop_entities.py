@@ -59,7 +59,7 @@ class Pairs:
 
 
 @dataclass(frozen=True, eq=False)
-class Meant:
+class LoopEntities:
     """A share of the entities of a type.
 
     Args:
@@ -69,13 +69,13 @@ class Meant:
     only: Predicate
 
     def alone(self, values: FloatArray, states: FloatArray, pairs: Pairs) -> FloatArray:
-        """Put (N, S) values of entities that are not meant below every threshold: nothing is left to do about them."""
+        """Put (N, S) values of entities that a loop is not about below every threshold: nothing is left to do about them."""
         if self.only == Truth():
             return values
         return np.where(pairs.truth(self.only, states), values, -np.inf)
 
 
-EVERYBODY = Meant(Truth())
+ALL = LoopEntities(Truth())
 
 
 def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[tuple[Feature, FloatArray]]:
@@ -90,7 +90,7 @@ def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[tupl
                 yield feature, initial
 
 
-def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], pairs: Pairs) -> Iterator[Meant]:
+def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], pairs: Pairs) -> Iterator[LoopEntities]:
     """Find entities that end below a threshold where all others end beyond it, told by a number that nothing changes.
 
     Args:
@@ -112,7 +112,7 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
         chosen = sign * initial < sign * cut
         said = log2(comb(chosen.size, int(chosen.sum())))
         if _parted(ends, chosen) > 0.0 and said >= log2(2 * len(sides) * max(1, len(readings)) * len(pairs.members)):
-            yield Meant((feature.below if sign > 0 else feature.above)(cut))
+            yield LoopEntities((feature.below if sign > 0 else feature.above)(cut))
 
 
 def _cuts(values: FloatArray) -> list[float]:

@@ -8,7 +8,7 @@ from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
-from roboscribe.search.meant import Pairs
+from roboscribe.search.loop_entities import Pairs
 from roboscribe.search.recurring import recurring_candidates
 from roboscribe.world.layout import Layout
 from tests.search.examples import LAYOUT as ONE
