@@ -69,7 +69,7 @@ class LoopEntities:
     only: Predicate
 
     def alone(self, values: FloatArray, states: FloatArray, pairs: Pairs) -> FloatArray:
-        """Put (N, S) values of entities that a loop is not about below every threshold: nothing is left to do about them."""
+        """Put (N, S) values of entities that the loop leaves alone below every threshold: nothing is left to do."""
         if self.only == Truth():
             return values
         return np.where(pairs.truth(self.only, states), values, -np.inf)
