@@ -166,7 +166,7 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    usual = usual_range(np.concatenate([pos, neg, values.frames]))
+    usual = usual_range(np.concatenate([pos, neg, values.frames]), ball(feature, sign))
     threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
@@ -180,8 +180,14 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     return _Atom(feature, predicate, neg < threshold, values.frames < threshold, spread, gap / spread, said)
 
 
-def usual_range(values: FloatArray) -> float:
-    """Return how far apart nine tenths of values (S,) lie, or all of them where those do not differ."""
+def usual_range(values: FloatArray, numbers: int = 0) -> float:
+    """Return how far apart nine tenths of values (S,) lie, or all of them where those do not differ.
+
+    Lengths of so many numbers are measured from zero, as are the balls that bound them: a mug that is seldom near its
+    place may yet be anywhere around it.
+    """
+    if numbers:
+        return float(np.quantile(values, 0.95))
     return float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
 
 

@@ -70,7 +70,7 @@ def _candidate(
     settled = _settled(values, pos.max(), pairs)
     kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos[np.isfinite(pos)]
     # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
-    usual = usual_range(values[np.isfinite(values)])
+    usual = usual_range(values[np.isfinite(values)], ball(feature, sign))
     threshold, gap = bound(kept, worst, spread, usual, before[np.isfinite(before)], ball(feature, sign))
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold

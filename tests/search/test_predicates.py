@@ -14,7 +14,7 @@ from roboscribe.dsl.rewrite import conjuncts, walk
 from roboscribe.dsl.syntax import And, Const, Norm, Proj, Var
 from roboscribe.search.candidates import Anchor, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import Candidate, bound, far_side, rank_predicates
+from roboscribe.search.predicates import Candidate, bound, far_side, rank_predicates, usual_range
 from tests.search.examples import FEATURES, GAUGES, LAYOUT, planted, random_states, samples, truth_of
 
 
@@ -177,6 +177,13 @@ def test_what_a_few_reach_beyond_what_is_needed_says_nothing_about_the_threshold
     assert bound(beyond, failures, 0.05, 0.1) == pytest.approx(bound(usual, failures, 0.05, 0.1), abs=1e-3)
     spread_out = np.linspace(-1.0, 0.03, 50)
     assert far_side(spread_out) == -1.0, "all that differ much are no exceptions"
+
+
+def test_lengths_are_measured_from_zero() -> None:
+    """A mug 5 to 11 cm from its place, brought to within 5 cm: in three dimensions that is a tenth of the space."""
+    away = np.linspace(0.05, 0.11, 200)
+    assert usual_range(away) == pytest.approx(0.054, abs=1e-3)
+    assert usual_range(away, numbers=3) == pytest.approx(0.107, abs=1e-3)
 
 
 def test_a_threshold_lies_short_of_a_stop() -> None:
