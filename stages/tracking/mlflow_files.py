@@ -45,8 +45,8 @@ def copy_file(client: MlflowClient, run_id: str, record: Record) -> None:
             _digest(client, run_id, str(record["value"]))
         case "model":
             _model(client, run_id, path)
-        case _:
-            log.warning("%s: a record of kind %r is not known; it is not copied", path, kind)
+        case _:  # figures, parameters and states, which name no file
+            return
 
 
 def _table(client: MlflowClient, run_id: str, path: Path) -> None:
