@@ -12,7 +12,7 @@ from roboscribe.dsl.semantics import evaluate, holds
 from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Proj, Term, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.search.loop_entities import STILL
+from roboscribe.search.loop_entities import is_lasting
 from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import Attribute, BoolArray
 from roboscribe.world.trajectory import AGREEMENT
@@ -72,7 +72,6 @@ def _telling_reading(evidence: Evidence, first: BoolArray) -> Predicate | None:
 def _lasting_readings(evidence: Evidence) -> Iterator[Term]:
     """Yield single numbers of entities that have no like, and of their goals, that no demonstration changes."""
     layout = evidence.layout
-    begun = np.repeat(evidence.starts, np.diff(np.append(evidence.starts, len(evidence.states))))
     for name, kind in evidence.types.items():
         if len(layout.of_type(kind)) == 1:
             for goal in (False, True):
@@ -80,7 +79,7 @@ def _lasting_readings(evidence: Evidence) -> Iterator[Term]:
                 for attribute in layout.types[kind].described(goal):
                     for term in (Proj(item, c) for c in attribute.components if attribute.is_place):
                         values = evaluate(term, evidence.states, {}, layout)[..., 0]
-                        if np.abs(values - values[begun]).max() <= STILL * np.ptp(values[evidence.starts]):
+                        if is_lasting(values, evidence.starts):
                             yield term
 
 

@@ -170,9 +170,9 @@ def _precedes(node: Node, old: Node, evidence: Evidence, tree: Tree, psi: str) -
 
 def _same_phase(node: Node, old: Node, evidence: Evidence, tree: Tree) -> bool:
     """Whether two things done to every entity of a type are done to one entity before the next is turned to."""
-    one, other = (np.sort(evidence.each_first_steps(n.served, n.role), axis=1) for n in (node, old))
     if node.only != old.only:
         return False
+    one, other = (np.sort(evidence.each_first_steps(n.served, n.role), axis=1) for n in (node, old))
     alternate = [_alternating(a, b) for a, b in zip(one, other, strict=True)]
     shown = [each for each in alternate if each is not None]
     return not shown or float(np.mean(shown)) >= 0.5

@@ -320,6 +320,9 @@ def euler(quaternions: FloatArray) -> FloatArray:
 class Places:
     """Where a Fetch model keeps what is observed and commanded: columns of integration states and of sensors."""
 
+    hand, grip, grip_speed = slice(0, 7), slice(7, 10), slice(10, 13)
+    """Sensors of the hand's pose, and of the end effector's place and velocity."""
+
     def __init__(self, model: mujoco.MjModel, blocks: int) -> None:
         """Look the columns up."""
         self.fingers: IntArray = np.array([joint_column(model, name) for name in FINGERS])
@@ -329,9 +332,6 @@ class Places:
         self.block_pose: IntArray = first[:, None] + np.arange(7)
         dofs = np.array([model.joint(f"object{i}:joint").dofadr[0] for i in range(blocks)])
         self.block_speed: IntArray = speed[dofs[:, None] + np.arange(3)]
-        self.hand = slice(0, 7)
-        self.grip = slice(7, 10)
-        self.grip_speed = slice(10, 13)
         sensor = 13 + 7 * np.arange(blocks)[:, None]
         self.block_site: IntArray = sensor + np.arange(3)
         self.block_turn: IntArray = sensor + np.arange(3, 7)

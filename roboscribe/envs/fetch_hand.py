@@ -1,9 +1,9 @@
-"""The Fetch robot's hand alone, on rails where the arm would hold it: the same scene, several times as fast.
+"""The Fetch robot's hand alone, on rails where the arm would hold it: the same scene, in half the time.
 
 The arm's 22 hulls and 13 joints take most of a physics step, and the mocap that leads the hand hides nearly all that
 they do. Here the hand moves along three slides, turned as the mocap would turn it, with the inertia and the damping
 that the arm has at the hand; fingers, objects, contacts, sensors, actions and states are those of the whole scene.
-Fifty random actions bring the two hands less than a centimetre apart.
+After 20 steps of random actions the two hands are less than 3 mm apart.
 """
 
 from __future__ import annotations
@@ -27,8 +27,6 @@ ARM_INERTIA = (14.0, 12.0, 20.0)
 """What the arm's joints add to the hand's 1.5 kg at its home, in each direction, kg: (J M^-1 J^T)^-1 of the arm."""
 DAMPING = 10.0
 """Rate at which the arm's joints slow the hand, 1/s."""
-HAND_PLACE, HAND_SPEED = slice(0, 3), slice(10, 13)
-"""Where sensors tell the hand's place and speed, see `fetch.Places`."""
 QPOS, QVEL = int(mujoco.mjtState.mjSTATE_QPOS), int(mujoco.mjtState.mjSTATE_QVEL)
 SHARED = tuple(
     int(part)
@@ -134,8 +132,8 @@ class Lightening:
         """
         light = np.repeat(self._blank[None], len(states), axis=0)
         light[:, self._to] = states[:, self._from]
-        light[:, self._rails] = sensors[:, HAND_PLACE] - self._home
-        light[:, self._rail_speeds] = sensors[:, HAND_SPEED]
+        light[:, self._rails] = sensors[:, fetch.Places.hand][:, :3] - self._home
+        light[:, self._rail_speeds] = sensors[:, fetch.Places.grip_speed]
         return light
 
 

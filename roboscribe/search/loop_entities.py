@@ -58,39 +58,29 @@ class Pairs:
         return np.stack([holds(predicate, states, {self.entity: e}, self.layout) for e in self.members])
 
 
-@dataclass(frozen=True, eq=False)
-class LoopEntities:
-    """A share of the entities of a type.
-
-    Args:
-        only: which, about `Pairs.entity`; True for all.
-    """
-
-    only: Predicate
-
-    def alone(self, values: FloatArray, states: FloatArray, pairs: Pairs) -> FloatArray:
-        """Put (N, S) values of entities that the loop leaves alone below every threshold: nothing is left to do."""
-        if self.only == Truth():
-            return values
-        return np.where(pairs.truth(self.only, states), values, -np.inf)
+def alone(only: Predicate, values: FloatArray, states: FloatArray, pairs: Pairs) -> FloatArray:
+    """Put (N, S) values of entities that a loop is not about below every threshold: nothing is left to do."""
+    return values if only == Truth() else np.where(pairs.truth(only, states), values, -np.inf)
 
 
-ALL = LoopEntities(Truth())
+def is_lasting(values: FloatArray, starts: IntArray) -> bool:
+    """Tell whether values (..., S) of a number stay in every demonstration what they are where it starts, (D,)."""
+    begun = np.repeat(starts, np.diff(np.append(starts, values.shape[-1])))
+    return bool(np.abs(values - values[..., begun]).max() <= STILL * np.ptp(values[..., starts]))
 
 
 def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[tuple[Feature, FloatArray]]:
     """Yield single numbers of an entity, or of its goal, that no demonstration changes, with their values (N, D)."""
-    begun = np.repeat(pairs.starts, pairs.lasts - pairs.starts + 1)
     for feature in features:
         term = feature.term
         if isinstance(term, Proj) and feature.over is None and free_vars(term) == (pairs.entity,):
             values = pairs.values(feature, pairs.frames)
             initial = values[:, pairs.starts]
-            if np.ptp(initial) > 0.0 and np.abs(values - values[:, begun]).max() <= STILL * np.ptp(initial):
+            if np.ptp(initial) > 0.0 and is_lasting(values, pairs.starts):
                 yield feature, initial
 
 
-def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], pairs: Pairs) -> Iterator[LoopEntities]:
+def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], pairs: Pairs) -> Iterator[Predicate]:
     """Find entities that end below a threshold where all others end beyond it, told by a number that nothing changes.
 
     Args:
@@ -99,8 +89,8 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
         pairs: evidence.
 
     Yields:
-        For each number the share of entities that it parts best from the others, if it parts them at all, and if that
-        says more than it takes to choose it.
+        For each number what tells the entities that it parts best from the others, if it parts them at all, and if
+        that says more than it takes to choose it.
     """
     ends = values[:, pairs.lasts]
     for feature, initial in readings:
@@ -112,7 +102,7 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
         chosen = sign * initial < sign * cut
         said = log2(comb(chosen.size, int(chosen.sum())))
         if _parted(ends, chosen) > 0.0 and said >= log2(2 * len(sides) * max(1, len(readings)) * len(pairs.members)):
-            yield LoopEntities((feature.below if sign > 0 else feature.above)(cut))
+            yield (feature.below if sign > 0 else feature.above)(cut)
 
 
 def _cuts(values: FloatArray) -> list[float]:

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, size, uses_robot
-from roboscribe.dsl.syntax import Truth
+from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.loop_entities import ALL, LoopEntities, Pairs, lasting_readings, parting
+from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
 from roboscribe.search.predicates import ball, bits, bound, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, first_true
@@ -44,8 +44,8 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
                 for sign in (1.0, -1.0):
-                    for about in (ALL, *parting(sign * values, readings, pairs)):
-                        found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, about)
+                    for only in (Truth(), *parting(sign * values, readings, pairs)):
+                        found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, only)
                         if found is not None:
                             yield found
 
@@ -57,13 +57,13 @@ def _candidate(
     values: FloatArray,
     negatives: FloatArray,
     pairs: Pairs,
-    about: LoopEntities,
+    only: Predicate,
 ) -> Candidate | None:
     """Put a threshold where all entities that the loop is about lie once ψ_R holds; values (N, S) to lie below."""
     spread = float(np.std(np.concatenate([values.ravel(), negatives.ravel()])))
     if spread == 0.0:
         return None
-    values, negatives = about.alone(values, pairs.frames, pairs), about.alone(negatives, pairs.negatives, pairs)
+    values, negatives = alone(only, values, pairs.frames, pairs), alone(only, negatives, pairs.negatives, pairs)
     worst = negatives.max(axis=0)
     at_end, before = values[:, pairs.lasts], values[:, pairs.lasts - 1]
     pos = np.minimum(at_end, before)
@@ -90,18 +90,18 @@ def _candidate(
         initial=float(np.mean((first == 0).all(axis=1))),
         kept=_kept(truth, first, pairs),
         first=float(np.median((first / lengths)[late])) if late.any() else 1.0,
-        copy=is_copy(feature, pairs.known.get(about.only, pairs.known[Truth()])),
+        copy=is_copy(feature, pairs.known.get(only, pairs.known[Truth()])),
         relevant=True,
         advances=True,
         margin=gap / spread,
         scales=((str(feature.term), float(f"{spread:.4g}")),),
         entities=len(free_vars(feature.term)),
         bits=said,
-        size=size(predicate) + size(about.only) - size(Truth()),
-        family=feature.family if about is ALL else f"{feature.family} where {about.only}",
+        size=size(predicate) + size(only) - size(Truth()),
+        family=feature.family if only == Truth() else f"{feature.family} where {only}",
         each=True,
         informative=informative(said, worst < threshold, int(late.sum()), len(features)),
-        only=about.only,
+        only=only,
     )
 
 
