@@ -15,6 +15,7 @@ from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.progress_bar import ProgressBar
+from roboscribe.rl.config import TrainConfig
 from roboscribe.search.candidates import Candidate
 from roboscribe.stages.runtime.events import (
     Abandoned,
@@ -141,7 +142,9 @@ def training_line(report: Mapping[str, Any]) -> str:
     if learner == "scripted":
         return f"π_{name}: scripted"
     if not report["starts"] and learner == "kept":
-        return f"π_{name}: kept, for the program rarely solves the task: a subgoal is missing ({steps} control steps)"
+        why = f"the program reaches its goal in {report['success']:.0%} of the episodes tried"
+        missing = ": a subgoal is missing" if report["success"] < TrainConfig.worth_improving else ""
+        return f"π_{name}: kept, for {why}{missing} ({steps} control steps)"
     if not report["starts"]:
         return f"π_{name}: {learner}; no states to start from were found in {steps} control steps"
     rates = f"{report['warm_success']:.0%} → {report['success']:.0%}"

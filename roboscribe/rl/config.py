@@ -186,6 +186,8 @@ class TrainConfig:
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
         worth_improving: share of them that must succeed.
+        assurance: episodes after which skills are left as they are if as many as are wanted succeed: where all of 100
+            do, at most 3 % fail in truth.
         pool, clone, inverse: of start states, of cloning, and of actions inferred from states.
         learner: what improves a warm start, chosen by the type of its settings: PPO, or SAC from scratch.
         blind: of an attempt on ψ_R itself, which is PPO whatever the learner: it has no time for a replay buffer, and
@@ -202,6 +204,7 @@ class TrainConfig:
     confirm: int = CONFIRM
     screening: int = 32
     worth_improving: float = 0.5
+    assurance: int = 100
     pool: PoolConfig = field(default_factory=PoolConfig)
     clone: CloneConfig = field(default_factory=CloneConfig)
     inverse: InverseConfig = field(default_factory=InverseConfig)

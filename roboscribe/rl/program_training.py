@@ -72,8 +72,12 @@ class ProgramTraining:
 
         What a loop repeats for every entity has to succeed as often as all repetitions together.
         """
-        once = self.config.target if self.solve else self.config.subgoal_target
-        return float(once ** (1 / max(1, self.repetitions(run))))
+        return float(self.wanted ** (1 / max(1, self.repetitions(run))))
+
+    @property
+    def wanted(self) -> float:
+        """Share of episodes that is to reach the program's goal."""
+        return self.config.target if self.solve else self.config.subgoal_target
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:

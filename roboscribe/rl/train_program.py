@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, assert_never
 
+import numpy as np
+
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
@@ -21,6 +23,7 @@ from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
 from roboscribe.rl.warm_start import clone_frames, clone_states
+from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
@@ -118,21 +121,16 @@ def train_program(
         _RunContext(log, checkpoints),
     )
     skills, reports = dict(library), list[SkillReport]()
-    for job in _new(training, library):
-        if job.together and _subgoal_is_missing(training, reports):
-            continue
-        before = sum(each.control_steps for each in reports if each.controller == job.run.controller)
-        skills[job.run.controller], report = _learn(training, context, job, skills, before)
-        reports.append(report)
-    known = _known(training, library)
-    rate, steps = _screen(training, skills) if known and solve else (0.0, 0)
-    if known and solve and rate < config.worth_improving:
-        reports.append(SkillReport(known[-1].run.controller, "kept", 0, rate, rate, steps))
-        return TrainingResult(skills, tuple(reports))
-    for job in known:
-        skills[job.run.controller], report = _learn(training, context, job, skills, steps)
-        reports.append(replace(report, control_steps=report.control_steps + steps))
-        steps = 0
+    for turn in _turns(training, library):
+        verdict = _screen(training, turn, skills, reports)
+        reports += [] if verdict.report is None else [verdict.report]
+        steps = verdict.control_steps
+        for job in turn if verdict.worthwhile else ():
+            name = job.run.controller
+            before = 0 if job.again else sum(each.control_steps for each in reports if each.controller == name)
+            skills[name], report = _learn(training, context, job, skills, before + steps)
+            reports.append(replace(report, control_steps=report.control_steps + steps))
+            steps = 0
     return TrainingResult(skills, tuple(reports))
 
 
@@ -171,18 +169,17 @@ class _SkillJob:
     together: bool = False
 
 
-def _new(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[_SkillJob]:
-    """List the jobs of controllers that the library lacks, in textual order.
+def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[tuple[_SkillJob, ...]]:
+    """List what is learned in which order: controllers that the library lacks, in textual order, then known ones.
 
     A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
     states of later iterations; then each is measured and reinforced on those.
     """
     for group in training.groups:
         runs = [run for run in group.runs if run.controller not in library]
-        for run in runs:
-            yield _SkillJob(run, training.title(run), reinforce=not group.loop)
-        for run in runs if group.loop else ():
-            yield _SkillJob(run, f"{run.controller}.loop", together=True)
+        yield tuple(_SkillJob(run, training.title(run), reinforce=not group.loop) for run in runs)
+        yield tuple(_SkillJob(run, f"{run.controller}.loop", together=True) for run in runs if group.loop)
+    yield tuple(_known(training, library))
 
 
 def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
@@ -204,11 +201,56 @@ def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_Ski
     return known if training.solve or len(known) == len(runs) else []
 
 
-def _screen(training: ProgramTraining, skills: Mapping[str, Skill]) -> tuple[float, int]:
-    """Return how often the program solves the task as things stand, and the control steps that it took to see."""
-    config, seeds = training.config, training.draw("screening").integers(SEEDS, size=training.config.screening)
-    screened = execute(training.program, skills, training.task, seeds, limits=training.limits, confirm=config.confirm)
-    return float(screened.success.mean()), screened.control_steps
+@dataclass(frozen=True)
+class _Screening:
+    """Whether a turn is worthwhile, what to report where it is not, and the control steps that it took to find out."""
+
+    worthwhile: bool
+    report: SkillReport | None = None
+    control_steps: int = 0
+
+
+def _screen(
+    training: ProgramTraining, turn: Sequence[_SkillJob], skills: Mapping[str, Skill], reports: Sequence[SkillReport]
+) -> _Screening:
+    """Run the program as things stand, before controllers that have all had a turn get another one.
+
+    It is not worthwhile where the program reaches its goal as often as is wanted, nor where it does so too rarely for
+    its controllers to be to blame.
+    """
+    if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
+        return _Screening(False)
+    config, job = training.config, turn[0]
+    ready = all(run.controller in skills for run in training.runs)
+    affordable = config.screening * training.task.horizon <= config.budget / 4
+    if not (job.together and ready and affordable) and not (job.again and training.solve):
+        return _Screening(True)
+    title = f"screening {job.title} {training.solve}"
+    seeds = training.draw(title).integers(SEEDS, size=max(config.screening, config.assurance))
+    few, more = seeds[: config.screening], seeds[config.screening :]
+    success, steps = _tried(training, skills, few)
+    if success.mean() >= training.wanted and len(seeds) * training.task.horizon <= config.budget / 4:
+        further, spent = _tried(training, skills, more)
+        success, steps = np.concatenate([success, further]), steps + spent
+    rate = float(success.mean())
+    assured = rate >= training.wanted and len(success) == len(seeds)
+    if assured or (job.again and rate < config.worth_improving):
+        return _Screening(False, SkillReport(turn[-1].run.controller, "kept", 0, rate, rate, steps))
+    return _Screening(True, control_steps=steps)
+
+
+def _tried(training: ProgramTraining, skills: Mapping[str, Skill], seeds: IntArray) -> tuple[BoolArray, int]:
+    """Return in which episodes the program reaches its goal, (E,), and the control steps that they took."""
+    found = execute(
+        training.program,
+        skills,
+        training.task,
+        seeds,
+        limits=training.limits,
+        until_end=not training.solve,
+        confirm=training.config.confirm,
+    )
+    return found.success, found.control_steps
 
 
 def _learn(
