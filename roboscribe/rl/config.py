@@ -93,19 +93,19 @@ class PpoConfig:
         patience: evaluations without a new best after which training stops.
     """
 
-    worlds: int = 64
+    worlds: int = 128
     steps: int = 50
     epochs: int = 5
     minibatches: int = 4
-    actor_rate: float = 1e-4
+    actor_rate: float = 3e-4
     critic_rate: float = 1e-3
-    clip: float = 0.15
+    clip: float = 0.2
     gamma: float = 0.97
     lam: float = 0.95
     noise: float = 0.1
     critic_iterations: int = 5
     evaluate_every: int = 4
-    patience: int = 8
+    patience: int = 6
 
 
 @dataclass(frozen=True)
@@ -166,8 +166,8 @@ class PoolConfig:
     batch: int = 64
 
 
-BLIND = PpoConfig(critic_iterations=0, noise=0.5)
-"""PPO that explores widely from the first iteration on, for a skill that has no warm start."""
+BLIND = PpoConfig(worlds=64, actor_rate=1e-4, critic_iterations=0, noise=0.5)
+"""PPO that explores widely from the first iteration on, for a skill that has no warm start; it has few steps."""
 
 
 @dataclass(frozen=True)
@@ -186,6 +186,7 @@ class TrainConfig:
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
         worth_improving: share of them that must succeed.
+        passable: success of a warm start from which on a subgoal's skill is not reinforced before ψ_R is attempted.
         assurance: episodes after which skills are left as they are if as many as are wanted succeed: where all of 100
             do, at most 3 % fail in truth.
         pool, clone, inverse: of start states, of cloning, and of actions inferred from states.
@@ -204,6 +205,7 @@ class TrainConfig:
     confirm: int = CONFIRM
     screening: int = 32
     worth_improving: float = 0.5
+    passable: float = 0.8
     assurance: int = 100
     pool: PoolConfig = field(default_factory=PoolConfig)
     clone: CloneConfig = field(default_factory=CloneConfig)
