@@ -221,22 +221,33 @@ def _screen(
     if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
         return _Screening(False)
     config, job = training.config, turn[0]
-    ready = all(run.controller in skills for run in training.runs)
-    affordable = config.screening * training.task.horizon <= config.budget / 4
-    if not (job.together and ready and affordable) and not (job.again and training.solve):
+    if not _can_be_screened(training, job, skills):
         return _Screening(True)
-    title = f"screening {job.title} {training.solve}"
-    seeds = training.draw(title).integers(SEEDS, size=max(config.screening, config.assurance))
-    few, more = seeds[: config.screening], seeds[config.screening :]
-    success, steps = _tried(training, skills, few)
-    if success.mean() >= training.wanted and len(seeds) * training.task.horizon <= config.budget / 4:
-        further, spent = _tried(training, skills, more)
-        success, steps = np.concatenate([success, further]), steps + spent
+    seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=config.assurance)
+    success, steps = _tried(training, skills, seeds[: config.screening])
+    if success.mean() >= training.wanted and _affordable(training, config.assurance):
+        more, spent = _tried(training, skills, seeds[config.screening :])
+        success, steps = np.concatenate([success, more]), steps + spent
     rate = float(success.mean())
-    assured = rate >= training.wanted and len(success) == len(seeds)
-    if assured or (job.again and rate < config.worth_improving):
+    assured = rate >= training.wanted and len(success) == config.assurance
+    hopeless = job.again and rate < config.worth_improving
+    if assured or hopeless:
         return _Screening(False, SkillReport(turn[-1].run.controller, "kept", 0, rate, rate, steps))
     return _Screening(True, control_steps=steps)
+
+
+def _can_be_screened(training: ProgramTraining, job: _SkillJob, skills: Mapping[str, Skill]) -> bool:
+    """Tell whether the whole program can show what a turn is worth: known skills for ψ_R, or a loop that comes last."""
+    if job.together:
+        return all(run.controller in skills for run in training.runs) and _affordable(
+            training, training.config.screening
+        )
+    return job.again and training.solve
+
+
+def _affordable(training: ProgramTraining, episodes: int) -> bool:
+    """Tell whether so many episodes take no more than a quarter of the control steps of a skill, as evaluations do."""
+    return episodes * training.task.horizon <= training.config.budget / 4
 
 
 def _tried(training: ProgramTraining, skills: Mapping[str, Skill], seeds: IntArray) -> tuple[BoolArray, int]:

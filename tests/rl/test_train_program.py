@@ -88,6 +88,33 @@ def test_a_program_that_solves_the_task_may_improve_what_is_known(trained: Train
     assert all(report.success >= report.warm_success for report in result.reports)
 
 
+def test_skills_that_do_all_that_is_wanted_are_left_as_they_are(trained: TrainingResult) -> None:
+    content = replace(QUICK, target=0.5, assurance=20)
+    result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0)
+    (report,) = result.reports
+    assert report.learner == "kept"
+    assert report.starts == 0, "no start states were collected for it"
+    assert report.success >= content.target
+    assert result.library == trained.library
+
+
+def test_a_loop_that_does_all_that_is_wanted_takes_one_turn() -> None:
+    content = replace(QUICK, target=0.0, subgoal_target=0.0, worth_improving=0.0, assurance=20)
+    for solve in (False, True):
+        result = train_program(TASK, LOOP, SHOWN, {}, content, 0, solve=solve)
+        assert [report.learner for report in result.reports] == ["clone", "clone", "kept"]
+
+
+def test_what_a_clone_mostly_reaches_is_reinforced_for_the_goal_alone() -> None:
+    """A subgoal's clone is left as it is where it is passable; the same clone is reinforced where nothing passes."""
+    wanted = replace(QUICK, subgoal_target=2.0, learning=0.2)
+    learning = [
+        train_program(TASK, FIRST, SHOWN, {}, replace(wanted, passable=passable), 0, solve=False).control_steps
+        for passable in (0.0, 2.0)
+    ]
+    assert learning[0] < learning[1]
+
+
 def test_the_last_skill_is_kept_when_the_program_does_not_solve_the_task(trained: TrainingResult) -> None:
     held = {"hold": trained.library["hold"]}
     result = train_program(TASK, FIRST, SHOWN, held, QUICK, 0)
