@@ -88,16 +88,21 @@ def synthesize(
     failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
     refined = line.refine(failures, tree, psi)
     if isinstance(refined, Fail):
-        return _unexplained(psi, solution, refined, line)
+        return _unexplained(psi, solution, refined, line, tried=likely)
     return _through(psi, refined, skills, line, failures if blind is None else blind)
 
 
-def _unexplained(psi: str, found: Solution[Skills], why: Fail, line: Line[Skills]) -> Solution[Skills] | Fail:
-    """Take a subgoal whose failures nothing explains as it is, unless it is never reached, even trained once more."""
+def _unexplained(
+    psi: str, found: Solution[Skills], why: Fail, line: Line[Skills], *, tried: bool
+) -> Solution[Skills] | Fail:
+    """Take a subgoal whose failures nothing explains as it is, unless it is never reached, even trained once more.
+
+    One that was `tried` as it is by an earlier line is given up.
+    """
     failed = Fail(
         f"{psi} is reached in {found.outcome.successes} of {found.outcome.episodes} episodes, and {why.reason}"
     )
-    if psi == ROOT or line.exhausted:
+    if psi == ROOT or line.exhausted or tried:
         return failed
     again = line.attempt(found.program, psi, found.tree, found.skills)
     if isinstance(again, Fail):
