@@ -75,6 +75,8 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     if not len(crossings.starts):
         return Fail(f"no demonstration reaches {psi}, so there is nothing to compare failures with")
     negatives = _comparable(negatives[:: len(negatives) // MOST_NEGATIVES + 1], evidence, tree, psi)
+    if isinstance(negatives, Fail):
+        return negatives
     features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
     found: list[Candidate] = []
     for view, mine in _views(crossings, features, evidence, tree, psi):
@@ -186,12 +188,19 @@ def _alternating(one: IntArray, other: IntArray) -> bool | None:
     return bool(max(a[0], b[0]) <= min(a[1], b[1]))
 
 
-def _comparable(negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> FloatArray:
-    """Leave out failing states that a learned predecessor tells apart already."""
+def _comparable(negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str) -> FloatArray | Fail:
+    """Leave out failing states that a learned predecessor tells apart already.
+
+    Fail where a loop before ψ is hardly ever complete in them: then it is the loop that fails, and all that follows
+    from its end in the demonstrations would seem to be missing.
+    """
     for node in tree.predecessors(psi):
         phi = node.completed(evidence.types)
         reached = holds(phi, negatives, {}, evidence.layout, evidence.solved)
-        negatives = negatives[reached] if reached.sum() >= LEAST_NEGATIVES else negatives
+        if reached.sum() >= LEAST_NEGATIVES:
+            negatives = negatives[reached]
+        elif node.circular and not tree.node(psi).circular:
+            return Fail(f"the loop that brings about {node.name} is hardly ever complete in the failing states")
     return negatives
 
 
