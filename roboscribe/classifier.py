@@ -74,9 +74,10 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     crossings = evidence.crossings(tree, psi)
     if not len(crossings.starts):
         return Fail(f"no demonstration reaches {psi}, so there is nothing to compare failures with")
-    negatives = _comparable(negatives[:: len(negatives) // MOST_NEGATIVES + 1], evidence, tree, psi)
-    if isinstance(negatives, Fail):
-        return negatives
+    comparable = _comparable(negatives[:: len(negatives) // MOST_NEGATIVES + 1], evidence, tree, psi)
+    if isinstance(comparable, Fail):
+        return comparable
+    negatives = comparable
     features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
     found: list[Candidate] = []
     for view, mine in _views(crossings, features, evidence, tree, psi):
