@@ -268,7 +268,9 @@ def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> It
                 for only in (Truth(), *(n.only for n in tree.nodes))
             }
             pairs = Pairs(layout, entity, members, samples.frames, samples.starts, samples.negatives, known)
-            yield from recurring_candidates(features, pairs)
+            moving = set(single) & evidence.moved
+            for each in recurring_candidates(features, pairs):
+                yield replace(each, with_others=not moving.isdisjoint(free_vars(each.predicate)))
 
 
 def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> dict[str, int]:

@@ -36,6 +36,8 @@ MOST_BITS = 6.0
 """Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
 CHANCE = 0.05
 """How many predicates may be expected to hold at every crossing by chance, as often as they hold in failing states."""
+LATE = 0.9
+"""Part of the way to a subgoal beyond which what begins to hold comes with it and is hardly a step towards it."""
 LEAST_BITS = 1.0
 """Bits below which a predicate says nothing: it does not even halve what is possible."""
 OFTEN = 0.1
@@ -122,6 +124,10 @@ class Candidate:
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot. Without predecessors 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
+        with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
+            move that one.
+        comes_with_it: whether φ begins to hold hardly before the subgoal that it should lead to. Where it is about the
+            robot alone it may: a button is pressed as soon as the hand is there.
         informative: whether φ says enough, and not by chance, see the function of that name.
         only: of a loop, which entities it is about.
     """
@@ -142,6 +148,8 @@ class Candidate:
     family: str
     standing: int = 0
     each: bool = False
+    with_others: bool = False
+    comes_with_it: bool = False
     informative: bool = True
     only: Predicate = field(default_factory=Truth)
 
@@ -172,18 +180,18 @@ class Candidate:
     def levels(self) -> tuple[float | bool, ...]:
         """What differs in kind between candidates; those that differ only by degrees may prove to be better.
 
-        It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities and
-        fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with the predecessors;
-        is not often true at the start; accepts few failures.
+        It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities,
+        before them, and fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with
+        the predecessors; is not often true at the start; accepts few failures.
         """
         return (
             not self.advances,
             not self.separates,
             self.copy,
-            not self.relevant or self.accepted > CLEAR,
+            not self.relevant or self.accepted > CLEAR or self.comes_with_it,
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
-            not self.each,
+            not self.each or self.with_others,
             self.standing,
             self.initial > OFTEN,
             level(self.accepted, LEVELS),
@@ -274,13 +282,15 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     lengths = np.diff(np.append(samples.starts, len(it.on_frames)))
     first = np.minimum(first_true(it.on_frames, samples.starts), lengths)
     since = _since(first, samples.starts, len(it.on_frames))
+    way = float(np.median(first / np.maximum(1, lengths - 1)))
+    of_robot = any(uses_robot(f.term) for f in it.features)
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
     return Candidate(
         predicate=it.predicate,
         accepted=float(it.on_negatives.mean()) if it.on_negatives.size else 0.0,
         initial=float(np.mean(first == 0)),
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
-        first=float(np.median(first / np.maximum(1, lengths - 1))),
+        first=way,
         copy=any(is_copy(f, samples.known) for f in it.features),
         relevant=samples.goal_entities <= names,
         advances=_advances(first, lengths, samples.steps.get(names, ()))
@@ -292,7 +302,8 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         informative=informative(it.bits, it.on_negatives, len(samples.starts), samples.choices, len(it.features)),
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
-        standing=int(bool(samples.anchors) and any(uses_robot(f.term) for f in it.features)),
+        comes_with_it=not samples.root and way > LATE and not (of_robot and it.anchor is None),
+        standing=int(bool(samples.anchors) and of_robot),
     )
 
 

@@ -27,6 +27,7 @@ BASE = candidate(Node("", Truth()))
         {"accepted": 0.5},
         {"copy": True},
         {"relevant": False},
+        {"comes_with_it": True},
         {"kept": 0.3},
         {"entities": 0},
         {"entities": 2},
@@ -60,6 +61,7 @@ def test_what_tells_failures_clearly_comes_before_what_is_about_the_goals_entiti
 def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete() -> None:
     loop = replace(BASE, each=True, first=1.0, standing=2, initial=0.2)
     assert loop.rank < BASE.rank
+    assert BASE.rank < replace(loop, with_others=True).rank, "the other entity may be what has to be moved"
 
 
 def test_what_separates_explains_only_if_it_is_a_new_step_about_the_goals_entities() -> None:
@@ -174,3 +176,25 @@ def test_after_a_predecessor_the_world_stands_before_the_robot(text: str, standi
     it = Judged(parse_predicate(f"{text} < 0.5"), (feature(text),), truth[:4], truth, 0.2, ())
     assert judge(replace(it, anchor=held if added else None), given).standing == standing
     assert judge(it, replace(given, anchors=())).standing == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "root", "added", "comes_with_it"),
+    [
+        ("b1↓p", 11, False, False, True),
+        ("b1↓p", 9, False, False, False),
+        ("b1↓p", 11, True, False, False),  # the task may end with it
+        ("μ↓opening", 11, False, False, False),  # a button is pressed as soon as the hand is there
+        ("μ↓opening", 11, False, True, True),  # a block in the hand is at its goal as soon as the hand is
+    ],
+)
+def test_what_begins_to_hold_with_a_subgoal_is_no_step_towards_it(
+    text: str, first: int, root: bool, added: bool, comes_with_it: bool
+) -> None:
+    states = random_states(np.random.default_rng(0), 12)
+    given = replace(samples(states[:3], states[:4], episodes=(states,)), root=root)
+    it = Judged(
+        parse_predicate(f"{text} < 0.5"), (feature(text),), np.zeros(4, np.bool_), np.arange(12) >= first, 0.2, ()
+    )
+    held = Anchor(parse_predicate("b1↓q < 0.5"), {}) if added else None
+    assert judge(replace(it, anchor=held), given).comes_with_it == comes_with_it
