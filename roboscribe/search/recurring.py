@@ -111,7 +111,7 @@ def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     The one that was served last is still being served when a demonstration ends at once, so it may be further off; not
     where something else is done after it.
     """
-    since = np.stack([_last_false(row < threshold, pairs) for row in values])
+    since = np.stack([_last_false(row <= threshold, pairs) for row in values])
     arriving = since >= pairs.lasts - pairs.starts - ARRIVING
     settled: BoolArray = (since >= 0) & ((since < since.max(axis=0)) | ~arriving)
     return settled
