@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from roboscribe.best_first import Line, Search, possible_program
+from roboscribe.best_first import PROMISING, Line, Search, possible_program
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.rewrite import conjunction, conjuncts, free_vars
 from roboscribe.errors import Fail
@@ -29,8 +29,9 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
 
     Source:  Algorithm 1.
     Departs: no choice of a subgoal is final. Algorithm 2 is run again with another choice, the likeliest first, until a
-        program is good enough or the budget is spent; what was done once is remembered. At the end subgoals that do
-        not help are removed.
+        program is good enough or the budget is spent; what was done once is remembered. Before a line gives up all
+        that a promising program stands on, that program's controllers are trained once more. At the end subgoals that
+        do not help are removed.
     """
     search = Search(steps, limits)
     reasons: list[str] = []
@@ -82,7 +83,7 @@ def synthesize(
         return tried
     skills, outcome = tried
     solution = Solution(program, tree, skills, outcome)
-    likely = line.limits.undecided(outcome) if psi == ROOT else outcome.rate >= 0.5
+    likely = line.limits.undecided(outcome) if psi == ROOT else outcome.rate >= PROMISING
     if line.limits.met(outcome) or (likely and line.goes_on()):
         return solution
     failures = outcome.failures if blind is None or tree.predecessors(psi) else blind

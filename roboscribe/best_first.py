@@ -19,6 +19,8 @@ T = TypeVar("T")
 TRIED = "trained and did not help"
 BY_DEGREES, IN_KIND = 1, 2
 """What a choice gives away that takes the next best: hardly anything where it is worse by degrees alone."""
+PROMISING = 0.5
+"""Share of the episodes from which on a program that reaches its goal may owe its failures to its controllers."""
 
 
 @dataclass
@@ -32,6 +34,8 @@ class Search(Generic[Skills]):
     steps: Steps[Skills]
     limits: Limits
     best: Solution[Skills] | None = None
+    best_choices: tuple[int, ...] = ()
+    trained_again: Solution[Skills] | None = None
     trained: int = 0
     since: int = 0
     open: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=lambda: [(0, 0, ())])
@@ -41,7 +45,10 @@ class Search(Generic[Skills]):
         """Yield one line after the other, best first, until a program is good or the budget is spent."""
         while self.open and self.trained < self.limits.programs and not self.satisfied:
             given_away, _, choices = heappop(self.open)
-            yield Line(self, choices, given_away)
+            while self.best is not None and self.best is not self.trained_again and self._begins_otherwise(choices):
+                self._train_again(self.best)
+            if not self.satisfied:
+                yield Line(self, choices, given_away)
 
     @property
     def satisfied(self) -> bool:
@@ -50,10 +57,22 @@ class Search(Generic[Skills]):
             return False
         return self.limits.met(self.best.outcome) or self.trained >= self.since + self.limits.patience
 
-    def keep(self, found: Solution[Skills]) -> None:
-        """Remember a solution if it is better than the best so far."""
+    def _begins_otherwise(self, choices: tuple[int, ...]) -> bool:
+        """Whether a line gives up all that a promising best program stands on, beginning with its first subgoal."""
+        promising = self.best is not None and self.best.outcome.rate >= PROMISING
+        return promising and choices[:1] != self.best_choices[:1] and self.trained < self.limits.programs
+
+    def _train_again(self, best: Solution[Skills]) -> None:
+        """Train the controllers of the best program once more, as long as it becomes better."""
+        self.trained, self.trained_again = self.trained + 1, best
+        skills = self.steps.train(best.program, ROOT, best.tree, best.skills)
+        outcome = self.steps.roll_out(best.program, ROOT, skills)
+        self.keep(replace(best, skills=skills, outcome=outcome), self.best_choices)
+
+    def keep(self, found: Solution[Skills], choices: tuple[int, ...] = ()) -> None:
+        """Remember a solution, and the choices of its line, if it is better than the best so far."""
         if self.best is None or found.outcome.beats(self.best.outcome):
-            self.best, self.since = found, self.trained
+            self.best, self.best_choices, self.since = found, choices, self.trained
 
     def leave_open(self, choices: tuple[int, ...], given_away: int) -> None:
         """Remember that another choice is possible."""
@@ -94,7 +113,7 @@ class Line(Generic[Skills]):
         skills = steps.train(program, psi, tree, skills)
         outcome = steps.roll_out(program, psi, skills)
         if psi == ROOT and len(tree.nodes) > 2 and outcome.successes:
-            search.keep(Solution(program, tree, skills, outcome, tuple(self.refinements)))
+            search.keep(Solution(program, tree, skills, outcome, tuple(self.refinements)), self.taken)
         return skills, outcome
 
     def goes_on(self) -> bool:

@@ -162,3 +162,12 @@ def test_what_is_worse_by_degrees_alone_comes_before_another_way_with_what_was_t
     story = Story({**reached, **root(10, "at"), **root(20, "other")}, {ROOT: [AT1, OTHER], "at": [HOLD1]})
     assert [r.node.name for r in solved(story).refinements] == ["other"]
     assert ("hold", "at hold") not in story.asked
+
+
+def test_before_another_beginning_the_controllers_of_a_promising_program_are_trained_once_more() -> None:
+    reached = {("at", "at"): 20, ("other", "other"): 20, ("other", "at other"): 20}
+    for successes, asked in ((12, 2), (9, 1)):
+        story = Story({**reached, **root(successes, "at"), **root(20, "other")}, {ROOT: [AT1, OTHER]})
+        assert [r.node.name for r in solved(story).refinements] == ["other"]
+        assert story.asked.count((ROOT, "at")) == asked
+        assert story.asked[-1] == (ROOT, "other")
