@@ -45,8 +45,8 @@ class Search(Generic[Skills]):
         """Yield one line after the other, best first, until a program is good or the budget is spent."""
         while self.open and self.trained < self.limits.programs and not self.satisfied:
             given_away, _, choices = heappop(self.open)
-            while self.best is not None and self.best is not self.trained_again and self._begins_otherwise(choices):
-                self._train_again(self.best)
+            while not self.satisfied and self.best is not self.trained_again and self._begins_otherwise(choices):
+                self._train_again()
             if not self.satisfied:
                 yield Line(self, choices, given_away)
 
@@ -62,8 +62,10 @@ class Search(Generic[Skills]):
         promising = self.best is not None and self.best.outcome.rate >= PROMISING
         return promising and choices[:1] != self.best_choices[:1] and self.trained < self.limits.programs
 
-    def _train_again(self, best: Solution[Skills]) -> None:
-        """Train the controllers of the best program once more, as long as it becomes better."""
+    def _train_again(self) -> None:
+        """Train the controllers of the best program once more; what becomes better by that may be trained again."""
+        best = self.best
+        assert best is not None
         self.trained, self.trained_again = self.trained + 1, best
         skills = self.steps.train(best.program, ROOT, best.tree, best.skills)
         outcome = self.steps.roll_out(best.program, ROOT, skills)
