@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import re
-import shutil
-import socket
-import subprocess
 import sys
-import time
 from collections.abc import Iterator
-from http.client import HTTPConnection, HTTPException
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -21,11 +14,9 @@ from mlflow import MlflowClient
 from roboscribe.io.tracked import database_uri
 from roboscribe.pipelines.mlflow_app import HEAD, SCRIPT, edited
 from roboscribe.pipelines.mlflow_server import APP
+from tests.pipelines.browser import needs_browser, seen, serving
 from tests.pipelines.runs import tracked
 
-BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
-SECONDS = 90.0
-needs_browser = pytest.mark.skipif(not BROWSER, reason="no Chromium on this machine (Debian package: chromium)")
 needs_app = pytest.mark.skipif(
     not entry_points(group="mlflow.app", name=APP),
     reason="the package was installed before it had MLflow's entry point: pip install --editable .",
@@ -49,41 +40,9 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def address(home: Path) -> Iterator[str]:
     """Serve a home as `roboscribe ui` does."""
-    with socket.create_server(("127.0.0.1", 0)) as listening:
-        port = listening.getsockname()[1]
-    words = [sys.executable, "-m", "roboscribe.pipelines.cli", "ui", "--port", str(port), "--home", str(home)]
-    with (home / "ui.log").open("wb") as log:
-        server = subprocess.Popen(words, stdout=log, stderr=log, start_new_session=True)
-    try:
-        deadline = time.monotonic() + SECONDS
-        while not answers(port):
-            assert server.poll() is None, (home / "ui.log").read_text()
-            assert time.monotonic() < deadline, (home / "ui.log").read_text()
-            time.sleep(0.2)
-        yield f"http://127.0.0.1:{port}"
-    finally:
-        os.killpg(server.pid, 15)
-        server.wait(20)
-
-
-def answers(port: int) -> bool:
-    """Whether MLflow is there."""
-    connection = HTTPConnection("127.0.0.1", port, timeout=1.0)
-    try:
-        connection.request("GET", "/health")
-        return connection.getresponse().status == 200
-    except (HTTPException, OSError):
-        return False
-    finally:
-        connection.close()
-
-
-def seen(page: str, profile: Path) -> str:
-    """Return the text of a page in a browser that was never here before."""
-    words = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={profile}"]
-    words += ["--window-size=1500,1000", "--virtual-time-budget=30000", "--dump-dom", page]
-    ended = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS)
-    return re.sub(r"<(script|style).*?</\1>|<[^>]+>", " ", ended.stdout, flags=re.DOTALL)
+    words = [sys.executable, "-m", "roboscribe.pipelines.cli", "ui", "--home", str(home)]
+    with serving(lambda port: [*words, "--port", str(port)], "/health", home / "ui.log") as address:
+        yield address
 
 
 @needs_browser
