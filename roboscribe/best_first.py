@@ -52,10 +52,15 @@ class Search(Generic[Skills]):
 
     @property
     def satisfied(self) -> bool:
-        """Whether the best program is good enough, or as good as can be told and nothing better was found lately."""
-        if self.best is None or not self.limits.undecided(self.best.outcome):
+        """Whether the best program is good enough, or nothing better was found lately.
+
+        That has to be as good as can be told, or promising and trained again in vain.
+        """
+        if self.best is None:
             return False
-        return self.limits.met(self.best.outcome) or self.trained >= self.since + self.limits.patience
+        may_end = self.limits.undecided(self.best.outcome) or self.best is self.trained_again
+        late = self.trained >= self.since + self.limits.patience
+        return self.limits.met(self.best.outcome) or (may_end and late)
 
     def _begins_otherwise(self, choices: tuple[int, ...]) -> bool:
         """Whether a line gives up all that a promising best program stands on, beginning with its first subgoal."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.best_first import TRIED
 from roboscribe.errors import Fail
@@ -171,3 +173,10 @@ def test_before_another_beginning_the_controllers_of_a_promising_program_are_tra
         assert [r.node.name for r in solved(story).refinements] == ["other"]
         assert story.asked.count((ROOT, "at")) == asked
         assert story.asked[-1] == (ROOT, "other")
+
+
+def test_what_was_trained_again_in_vain_remains_where_nothing_better_is_found_for_long() -> None:
+    reached = {("at", "at"): 20, ("other", "other"): 20, ("third", "third"): 20}
+    story = Story({**reached, **root(12, "at"), **root(20, "third")}, {ROOT: [AT1, OTHER, THIRD]})
+    assert solved(story, Limits(patience=2)).rate == 0.6
+    assert solved(replace(story, asked=[], told=[]), Limits(patience=30)).rate == 1.0
