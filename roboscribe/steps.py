@@ -208,8 +208,8 @@ class Limits:
     Args:
         success: 1 − ε, the success rate that is wanted.
         programs: most programs that are trained.
-        patience: programs that may be trained without a better one, once one cannot be told apart from what is wanted, or
-            succeeds half of the time and was trained again in vain.
+        patience: programs that may be trained without a better one, once one cannot be told apart from what is wanted,
+            or succeeds half of the time and was trained again in vain.
         refinements: most refinements of one line (Sec. 4.4 bounds them; this bounds them tighter).
     """
 
