@@ -52,15 +52,20 @@ class Search(Generic[Skills]):
 
     @property
     def satisfied(self) -> bool:
-        """Whether the best program is good enough, or nothing better was found lately.
+        """Whether the best program is good enough, or nothing better is to be expected.
 
-        That has to be as good as can be told, or promising and trained again in vain.
+        That is so where it is as good as can be told, or promising and trained again in vain, and nothing better was
+        found lately; at once where it was trained again in vain and fails hardly more often than is allowed.
         """
         if self.best is None:
             return False
-        may_end = self.limits.undecided(self.best.outcome) or self.best is self.trained_again
-        late = self.trained >= self.since + self.limits.patience
-        return self.limits.met(self.best.outcome) or (may_end and late)
+        limits, outcome, in_vain = self.limits, self.best.outcome, self.best is self.trained_again
+        late = self.trained >= self.since + limits.patience
+        return (
+            limits.met(outcome)
+            or (late and (in_vain or limits.undecided(outcome)))
+            or (in_vain and limits.nearly(outcome))
+        )
 
     def _begins_otherwise(self, choices: tuple[int, ...]) -> bool:
         """Whether a line gives up all that a promising best program stands on, beginning with its first subgoal."""

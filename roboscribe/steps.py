@@ -201,6 +201,10 @@ class Solution(Generic[Skills]):
         return self.outcome.rate
 
 
+NEARLY = 3.0
+"""How many times as often as is allowed a program may fail that is as good as its abstraction can be."""
+
+
 @dataclass(frozen=True)
 class Limits:
     """When a program is good enough, and when to give up.
@@ -221,6 +225,10 @@ class Limits:
     def met(self, outcome: Outcome) -> bool:
         """Whether an outcome is what is wanted; one episode more or less decides nothing."""
         return outcome.successes + 1 >= self.success * outcome.episodes
+
+    def nearly(self, outcome: Outcome) -> bool:
+        """Whether a program fails hardly more often than is allowed: another abstraction would hardly do better."""
+        return 1.0 - outcome.rate <= NEARLY * (1.0 - self.success)
 
     def undecided(self, outcome: Outcome) -> bool:
         """Whether an outcome cannot be told apart from what is wanted: its interval reaches that far."""

@@ -180,3 +180,11 @@ def test_what_was_trained_again_in_vain_remains_where_nothing_better_is_found_fo
     story = Story({**reached, **root(12, "at"), **root(20, "third")}, {ROOT: [AT1, OTHER, THIRD]})
     assert solved(story, Limits(patience=2)).rate == 0.6
     assert solved(replace(story, asked=[], told=[]), Limits(patience=30)).rate == 1.0
+
+
+def test_what_fails_hardly_more_often_than_is_allowed_remains_once_it_was_trained_again_in_vain() -> None:
+    reached = {("at", "at"): 20, ("other", "other"): 20}
+    story = Story({**reached, **root(15, "at"), **root(20, "other")}, {ROOT: [AT1, OTHER]})
+    assert solved(story, Limits(success=0.9)).rate == 0.75, "it fails not thrice as often"
+    assert story.asked.count((ROOT, "at")) == 2
+    assert solved(replace(story, asked=[], told=[])).rate == 1.0
