@@ -28,6 +28,7 @@ from roboscribe.stages.runtime.events import (
     Programmed,
     Refined,
     Removed,
+    Retrained,
     RolledOut,
     Trained,
 )
@@ -62,7 +63,7 @@ class SynthesisConsole(ProgressBar):
                     self.say(f"  {training_line(report)}")
             case RolledOut(goal, counts, _):
                 self.say(f"  {self._tried} reached {goal} in {counts['successes']} of {counts['episodes']} episodes")
-            case Refined() | Abandoned() | Removed():
+            case Refined() | Abandoned() | Retrained() | Removed():
                 self._decided(event)
             case Failed(reason):
                 self.say(f"FAIL: {reason}", "bold red")
@@ -75,12 +76,14 @@ class SynthesisConsole(ProgressBar):
             case _:
                 assert_never(event)
 
-    def _decided(self, event: Refined | Abandoned | Removed) -> None:
+    def _decided(self, event: Refined | Abandoned | Retrained | Removed) -> None:
         match event:
             case Refined():
                 self._refined(event)
             case Abandoned(reason):
                 self.say(f"another line is taken up, for {reason}", "yellow")
+            case Retrained(success):
+                self.say(f"the best program so far, at {success:.0%}, is trained once more", "yellow")
             case Removed(subgoal, success):
                 self.say(f"{subgoal} is taken out again: without it {success:.0%} of the episodes succeed", "cyan")
             case _:

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
-from roboscribe.steps import Limits, Outcome, Refined, Skills, Solution, Steps
+from roboscribe.steps import Limits, Outcome, Refined, Retrained, Skills, Solution, Steps
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import AGREEMENT
@@ -77,6 +77,7 @@ class Search(Generic[Skills]):
         best = self.best
         assert best is not None
         self.trained, self.trained_again = self.trained + 1, best
+        self.steps.tell(Retrained(best.outcome.rate))
         skills = self.steps.train(best.program, ROOT, best.tree, best.skills)
         outcome = self.steps.roll_out(best.program, ROOT, skills)
         self.keep(replace(best, skills=skills, outcome=outcome), self.best_choices)

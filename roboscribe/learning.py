@@ -24,7 +24,7 @@ from roboscribe.programs import program_name, saved_form
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.rl.train_program import step_limits
 from roboscribe.runnable import Runnable
-from roboscribe.steps import Abandoned, Decision, Limits, Outcome, Refined, Removed, Steps, pure_steps
+from roboscribe.steps import Abandoned, Decision, Limits, Outcome, Refined, Removed, Retrained, Steps, pure_steps
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.synthesis import Synthesis
 from roboscribe.world.task import Task
@@ -174,5 +174,7 @@ def decision_line(decision: Decision) -> str:
             return f"{node.name} ≡ {text(node.predicate)}, before {refinement.psi}: explains {count} of {shown}"
         case Abandoned(reason):
             return f"another line is taken up, for {reason}"
+        case Retrained(success):
+            return f"the best program, {success:.0%}, is trained once more"
         case Removed(node_name, success):
             return f"{node_name} is taken out again: without it {success:.0%} of the episodes succeed"

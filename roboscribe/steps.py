@@ -140,6 +140,17 @@ class Abandoned:
 
 
 @dataclass(frozen=True)
+class Retrained:
+    """The controllers of the best program so far are trained once more, before a line begins with another subgoal.
+
+    Args:
+        success: share of the episodes in which that program has reached the goal.
+    """
+
+    success: float
+
+
+@dataclass(frozen=True)
 class Removed:
     """A subgoal was taken out again, for the program is as good without it."""
 
@@ -147,7 +158,7 @@ class Removed:
     success: float
 
 
-Decision: TypeAlias = Refined | Abandoned | Removed
+Decision: TypeAlias = Refined | Abandoned | Retrained | Removed
 
 
 def pure_steps(

@@ -16,7 +16,16 @@ from roboscribe.grounding import CHECKED, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
 from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
 from roboscribe.stages.runtime import controller_files
-from roboscribe.stages.runtime.events import Abandoned, EventCallback, Programmed, Refined, Removed, RolledOut, Trained
+from roboscribe.stages.runtime.events import (
+    Abandoned,
+    EventCallback,
+    Programmed,
+    Refined,
+    Removed,
+    Retrained,
+    RolledOut,
+    Trained,
+)
 from roboscribe.stages.runtime.files import (
     EPISODES,
     FAILURES,
@@ -163,6 +172,8 @@ class StagedSteps:
                 self.tell(Refined(refinement, path, tree, count, shown, self.strips(refinement, tree)))
             case core.Abandoned(reason):
                 self.tell(Abandoned(reason))
+            case core.Retrained(success):
+                self.tell(Retrained(success))
             case core.Removed(node, success):
                 self.tell(Removed(node, success))
             case _:

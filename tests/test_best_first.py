@@ -7,7 +7,7 @@ from dataclasses import replace
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.best_first import TRIED
 from roboscribe.errors import Fail
-from roboscribe.steps import Abandoned, Refined
+from roboscribe.steps import Abandoned, Refined, Retrained
 from roboscribe.subtask_tree import ROOT, Tree
 from tests.handmade import AT, HOLD, node
 from tests.story import Story, root
@@ -172,6 +172,7 @@ def test_before_another_beginning_the_controllers_of_a_promising_program_are_tra
         story = Story({**reached, **root(successes, "at"), **root(20, "other")}, {ROOT: [AT1, OTHER]})
         assert [r.node.name for r in solved(story).refinements] == ["other"]
         assert story.asked.count((ROOT, "at")) == asked
+        assert [d.success for d in story.told if isinstance(d, Retrained)] == [successes / 20] * (asked - 1)
         assert story.asked[-1] == (ROOT, "other")
 
 

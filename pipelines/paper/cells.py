@@ -33,6 +33,7 @@ from roboscribe.stages.runtime.events import (
     Programmed,
     Refined,
     Removed,
+    Retrained,
     RolledOut,
     Trained,
 )
@@ -252,7 +253,7 @@ class SynthesisObserver:
                 self._spent(metrics.parent)
                 if goal == ROOT:
                     self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
-            case Refined() | Abandoned() | Removed() | Evaluated() | Packaged() | Filmed() | Failed():
+            case Refined() | Abandoned() | Retrained() | Removed() | Evaluated() | Packaged() | Filmed() | Failed():
                 pass
             case _:
                 assert_never(event)

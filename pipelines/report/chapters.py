@@ -19,6 +19,7 @@ from roboscribe.stages.runtime.events import (
     Programmed,
     Refined,
     Removed,
+    Retrained,
     RolledOut,
     Trained,
 )
@@ -159,7 +160,7 @@ class _Reader:
                 self._latest(lambda attempt: self._rolled_out(attempt, event, told.more))
             case Refined():
                 self.read_chapters.append(event)
-            case Abandoned() | Removed() | Failed():
+            case Abandoned() | Retrained() | Removed() | Failed():
                 self.read_chapters.append(Remark(_remark(event)))
             case Evaluated(figures, _):
                 self.found |= {"evaluation": figures, "failing": _episodes(told.more)}
@@ -192,10 +193,14 @@ def _episodes(more: Mapping[str, Any]) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(int(number) for number in row) for row in more.get("failing", ()))
 
 
-def _remark(event: Abandoned | Removed | Failed) -> str:
+def _remark(event: Abandoned | Retrained | Removed | Failed) -> str:
     match event:
         case Abandoned(reason):
             return f"Another line of refinements was taken up, for {reason}."
+        case Retrained(success):
+            return (
+                f"The controllers of the best program so far, which succeeded in {success:.0%}, were trained once more."
+            )
         case Removed(subgoal, success):
             return f"{subgoal} was taken out again: without it {success:.0%} of the episodes succeed."
         case Failed(reason):

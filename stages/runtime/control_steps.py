@@ -16,6 +16,7 @@ from roboscribe.stages.runtime.events import (
     Programmed,
     Refined,
     Removed,
+    Retrained,
     RolledOut,
     Trained,
 )
@@ -39,6 +40,7 @@ class ControlStepCounter:
                 | Programmed()
                 | Refined()
                 | Abandoned()
+                | Retrained()
                 | Removed()
                 | Evaluated()
                 | Packaged()

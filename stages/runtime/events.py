@@ -76,6 +76,13 @@ class Abandoned:
 
 
 @dataclass(frozen=True)
+class Retrained:
+    """The best program so far, which succeeded in the share `success` of its episodes, is trained once more."""
+
+    success: float
+
+
+@dataclass(frozen=True)
 class Removed:
     """A subgoal was taken out again; the program succeeds as often without it."""
 
@@ -115,6 +122,17 @@ class Failed:
 
 
 Event: TypeAlias = (
-    Ingested | Programmed | Trained | RolledOut | Refined | Abandoned | Removed | Evaluated | Packaged | Filmed | Failed
+    Ingested
+    | Programmed
+    | Trained
+    | RolledOut
+    | Refined
+    | Abandoned
+    | Retrained
+    | Removed
+    | Evaluated
+    | Packaged
+    | Filmed
+    | Failed
 )
 EventCallback: TypeAlias = Callable[[Event], None]

@@ -29,6 +29,7 @@ from roboscribe.stages.runtime.events import (
     Programmed,
     Refined,
     Removed,
+    Retrained,
     RolledOut,
     Trained,
 )
@@ -186,7 +187,7 @@ def _encoded(event: Event) -> dict[str, Json]:
             return {"goal": goal, "counts": dict(counts), "table": str(table), "failing": _failing(table)}
         case Evaluated(figures, table):
             return {"figures": dict(figures), "table": str(table), "failing": _failing(table)}
-        case Refined() | Abandoned() | Removed():
+        case Refined() | Abandoned() | Retrained() | Removed():
             return _decision(event)
         case Packaged() | Filmed() | Failed():
             return _ending(event)
@@ -194,7 +195,7 @@ def _encoded(event: Event) -> dict[str, Json]:
             assert_never(event)
 
 
-def _decision(event: Refined | Abandoned | Removed) -> dict[str, Json]:
+def _decision(event: Refined | Abandoned | Retrained | Removed) -> dict[str, Json]:
     match event:
         case Refined(refinement, table, tree, explained, demonstrations, strips):
             return {
@@ -207,6 +208,8 @@ def _decision(event: Refined | Abandoned | Removed) -> dict[str, Json]:
             }
         case Abandoned(reason):
             return {"reason": reason}
+        case Retrained(success):
+            return {"success": success}
         case Removed(subgoal, success):
             return {"subgoal": subgoal, "success": success}
         case _:
@@ -252,6 +255,8 @@ def _decoded_ending(kind: str, value: Mapping[str, Any], where: str) -> Event:
     match kind:
         case "Abandoned":
             return Abandoned(value["reason"])
+        case "Retrained":
+            return Retrained(value["success"])
         case "Removed":
             return Removed(value["subgoal"], value["success"])
         case "Packaged":

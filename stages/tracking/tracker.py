@@ -30,6 +30,7 @@ from roboscribe.stages.runtime.events import (
     Programmed,
     Refined,
     Removed,
+    Retrained,
     RolledOut,
     Trained,
 )
@@ -198,17 +199,27 @@ class Tracker:
             case RolledOut(goal, counts, _):
                 self._last = event
                 self._metrics(PARENT, _tried(goal, counts), self.env_steps)
+            case Refined() | Abandoned() | Retrained() | Removed():
+                self._decided(event)
+            case Evaluated(figures, table):
+                self._evaluated(figures, table)
+            case Packaged() | Filmed() | Failed():
+                self._ending(event)
+            case _:
+                assert_never(event)
+
+    def _decided(self, event: Refined | Abandoned | Retrained | Removed) -> None:
+        match event:
             case Refined():
                 self._refined(event)
             case Abandoned(reason):
                 number = self._count("abandoned")
                 self._note(PARENT, "tag", f"abandoned_{number}", reason, self.attempt)
+            case Retrained(success):
+                number = self._count("retrained")
+                self._note(PARENT, "tag", f"retrained_{number}", f"the best program, at {success:.3f}", self.attempt)
             case Removed(subgoal, success):
                 self._note(PARENT, "tag", f"removed_{subgoal}", f"{success:.3f} without it", self.attempt)
-            case Evaluated(figures, table):
-                self._evaluated(figures, table)
-            case Packaged() | Filmed() | Failed():
-                self._ending(event)
             case _:
                 assert_never(event)
 
