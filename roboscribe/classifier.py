@@ -157,6 +157,8 @@ def place_of(node: Node, evidence: Evidence, tree: Tree, psi: str) -> Place:
             return Place(apart=True)
         if set(free_vars(old.predicate)) != set(free_vars(node.predicate)) or not free_vars(node.predicate):
             continue
+        if not node.circular and evidence.restores(node.predicate):  # what undid it stays where it is
+            return Place(apart=True)
         if _precedes(node, old, evidence, tree, psi):
             before = old.name
             waiting = list(tree.predecessors(old.name))

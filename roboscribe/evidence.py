@@ -8,14 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename
+from roboscribe.dsl.rewrite import free_vars, rename, uses_robot
 from roboscribe.dsl.semantics import SolvedTest, holds
 from roboscribe.dsl.syntax import Predicate, Solved
 from roboscribe.dsl.types import named_entities
 from roboscribe.subtask_tree import ROOT, Node, Tree
 from roboscribe.world.layout import ROBOT, BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.naming import by_displacement
-from roboscribe.world.trajectory import NEVER, Trajectory, first_true
+from roboscribe.world.trajectory import AGREEMENT, NEVER, Trajectory, first_true, restored
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Crossings:
 
     def first_steps(self, predicate: Predicate, layout: Layout, solved: SolvedTest) -> IntArray:
         """Step of each crossing, counted from takeover, on which a predicate first holds, (C,); NEVER where none."""
-        return first_true(holds(predicate, self.frames, {}, layout, solved), self.starts)
+        return brought_about(predicate, holds(predicate, self.frames, {}, layout, solved), self.starts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +136,7 @@ class Evidence:
 
     def first_steps(self, predicate: Predicate) -> IntArray:
         """Step at which a predicate first holds in each demonstration, (D,); NEVER where it does not."""
-        return first_true(self.truth(predicate), self.starts)
+        return brought_about(predicate, self.truth(predicate), self.starts)
 
     def each_first_steps(self, predicate: Predicate, name: str) -> IntArray:
         """Step at which a predicate about the entity `name` first holds of every entity of its type, (D, N)."""
@@ -153,7 +153,7 @@ class Evidence:
         same = tuple(range(len(self.layout.entities)))
         loop = tree.loop_around(name)
         if loop is None:
-            begins = self._after_loops(tree, name)
+            begins = np.maximum(self._after_loops(tree, name), self._after_branches(tree, name))
             return tuple(
                 Passage(d, int(b), len(t), same) for d, (b, t) in enumerate(zip(begins, self.trajectories, strict=True))
             )
@@ -180,6 +180,27 @@ class Evidence:
             over = self.first_steps(node.completed(self.types))
             begins = np.maximum(begins, np.where(over == NEVER, 0, over))
         return begins
+
+    def _after_branches(self, tree: Tree, name: str) -> IntArray:
+        """Step at which each demonstration turns to what restores a first state, (D,); 0 where nothing is restored.
+
+        A drawer that is shut in the end was shut at first; whoever shuts it turns to it when all that comes before is
+        done, and was at its handle long before.
+        """
+        begins = np.zeros(len(self.trajectories), dtype=np.int64)
+        for node in tree.above(name):
+            if node.name != ROOT and not node.circular and self.restores(node.predicate):
+                own = self.first_steps(node.predicate)
+                branches = (b for psi in tree.successors(node.name) for b in tree.predecessors(psi.name) if b != node)
+                for over in (self.first_steps(branch.completed(self.types)) for branch in branches):
+                    begins = np.maximum(begins, np.where(over < own, over, 0))
+        return begins
+
+    def restores(self, predicate: Predicate) -> bool:
+        """Whether what a predicate says of the world holds at first, is undone, and is brought about again."""
+        at_first = self.truth(predicate)[self.starts]
+        first = self.first_steps(predicate)
+        return bool(np.mean(at_first & (first > 0) & (first < NEVER)) >= AGREEMENT)
 
     def crossings(self, tree: Tree, name: str) -> Crossings:
         """Return where the demonstrations go from not ψ to ψ; entities that satisfy ψ at takeover show nothing.
@@ -230,6 +251,15 @@ class Evidence:
         crossings = self.crossings(tree, psi)
         first = crossings.first_steps(phi.lifted(self.types), self.layout, self.solved)
         return first, crossings.lengths - 1
+
+
+def brought_about(predicate: Predicate, truth: BoolArray, starts: IntArray) -> IntArray:
+    """Step at which a predicate with `truth` (S,) is brought about in each part from `starts` (C,) on; NEVER where not.
+
+    What is said of the world and holds at first, but is undone on the way, may have to be restored; a hand only happens
+    to be back.
+    """
+    return (first_true if uses_robot(predicate) else restored)(truth, starts)
 
 
 def _swapped(order: Sequence[int], one: int, other: int) -> tuple[int, ...]:

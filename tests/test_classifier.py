@@ -190,6 +190,29 @@ def test_a_third_attribute_finds_its_place(new: str, chained: str, place: str) -
     assert place_of(deed(new), shown, chain(*map(deed, chained)), ROOT) == Place(place)
 
 
+def shut_again() -> Evidence:
+    """Draw demonstrations in which p, low at first, rises on frame 10, q falls on frame 20 and p falls on frame 40."""
+    shown = deeds(1, p=(40,), q=(20,))
+    states = shown.trajectories[0].states.copy()
+    states[:10, shown.layout.columns[0, "p", False]] = 0.05
+    return Evidence((Trajectory(shown.layout, states),) * 10, shown.solved)
+
+
+def test_what_is_restored_stands_apart_from_what_undid_it() -> None:
+    opened = Node("opened", parse_predicate("b1↓p > 0.5"))
+    assert place_of(deed("p"), shut_again(), chain(opened), ROOT) == Place(apart=True)
+    tree = update_tree(chain(opened), deed("p"), ROOT, Place(apart=True))
+    assert [n.name for n in tree.predecessors(ROOT)] == ["opened", "p"]
+
+
+def test_whoever_restores_something_turns_to_it_when_all_before_is_done() -> None:
+    shown = shut_again()
+    tree = update_tree(chain(deed("q")), deed("p"), ROOT, Place(apart=True))
+    assert shown.first_steps(deed("p").predicate).tolist() == [40] * 10
+    assert {p.begin for p in shown.passages(tree, "p")} == {20}
+    assert {p.begin for p in shown.passages(tree, "q")} == {0}
+
+
 def test_subgoals_about_other_entities_do_not_decide_a_place() -> None:
     other = Node("other", parse_predicate("b2↓q < 0.1"))
     assert place_of(deed("p"), deeds(2, p=(10, 10), q=(20, 20)), chain(other), ROOT) == Place("")

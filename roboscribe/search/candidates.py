@@ -15,7 +15,7 @@ from roboscribe.dsl.rewrite import free_vars, size, uses_robot
 from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.trajectory import AGREEMENT, first_true
+from roboscribe.world.trajectory import AGREEMENT, first_true, restored
 
 LEVELS = (0.1,)
 """Shares of accepted negatives that count as nearly equally good."""
@@ -112,7 +112,7 @@ class Candidate:
         kept: share of the frames after φ first held, up to the goal, on which it holds.
         first: where in a crossing φ first holds, median, 0 start to 1 goal.
         copy: whether φ compares what the goal or a subgoal before it compares, with another threshold; that explains
-            nothing.
+            nothing, but where it restores what an earlier subgoal undid.
         relevant: whether φ mentions every entity that the goal mentions.
         advances: whether φ is brought about on the way, always after or always before each subgoal that is there.
         margin: distance from the threshold to the nearest rejected negative, in spreads.
@@ -280,10 +280,11 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     """Measure what `Candidate` lists."""
     names = frozenset(free_vars(it.predicate))
     lengths = np.diff(np.append(samples.starts, len(it.on_frames)))
-    first = np.minimum(first_true(it.on_frames, samples.starts), lengths)
+    of_robot = any(uses_robot(f.term) for f in it.features)
+    first = np.minimum((first_true if of_robot else restored)(it.on_frames, samples.starts), lengths)
     since = _since(first, samples.starts, len(it.on_frames))
     way = float(np.median(first / np.maximum(1, lengths - 1)))
-    of_robot = any(uses_robot(f.term) for f in it.features)
+    restores = np.mean(it.on_frames[samples.starts] & (first > 0) & (first < lengths)) >= AGREEMENT
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
     return Candidate(
         predicate=it.predicate,
@@ -291,7 +292,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         initial=float(np.mean(first == 0)),
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
         first=way,
-        copy=any(is_copy(f, samples.known) for f in it.features),
+        copy=not restores and any(is_copy(f, samples.known) for f in it.features),
         relevant=samples.goal_entities <= names,
         advances=_advances(first, lengths, samples.steps.get(names, ()))
         and (samples.root or bool(np.median(lengths - 1 - first) > 0)),

@@ -23,6 +23,9 @@ from roboscribe.world.trajectory import AGREEMENT, first_true
 ARRIVING = 2
 """Frames before ψ_R first holds within which something arrives for it: where it lies is measured at the last two."""
 
+TOGETHER = 0.5
+"""Share of the arrivals with which another entity may be moved, too; more often, it is not done for one at a time."""
+
 
 def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[Candidate]:
     """Find what every entity of a type satisfies once ψ_R holds, and most are brought to on the way.
@@ -82,6 +85,8 @@ def _candidate(
         return None
     if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
+    if _together(values, first, late, pairs) > TOGETHER:
+        return None
     said = bits(kept, threshold, usual, feature, sign)
     lengths = np.maximum(1, pairs.lasts - pairs.starts)[:, None]
     return Candidate(
@@ -127,6 +132,18 @@ def _one_by_one(first: IntArray, late: BoolArray) -> bool:
     """Whether entities that are brought to it are brought to it at different times; (D, N) each."""
     shown = [first[d, late[d]] for d in range(len(first)) if late[d].sum() > 1]
     return not shown or float(np.mean([len(set(times.tolist())) == len(times) for times in shown])) >= AGREEMENT
+
+
+def _together(values: FloatArray, first: IntArray, late: BoolArray, pairs: Pairs) -> float:
+    """Share of the arrivals at which another entity is moved as far: all of them ride on something; values (N, S)."""
+    moved = []
+    for d, n in zip(*np.nonzero(late), strict=True):
+        step = pairs.starts[d] + first[d, n]
+        served = np.flatnonzero(late[d])
+        if len(served) > 1:
+            change = np.abs(values[served, step] - values[served, step - 1])
+            moved.append(bool(change[served != n].max() > change[served == n].max() / 2))
+    return float(np.mean(moved)) if moved else 0.0
 
 
 def _kept(truth: BoolArray, first: IntArray, pairs: Pairs) -> float:

@@ -52,3 +52,11 @@ def first_true(truth: BoolArray, starts: IntArray) -> IntArray:
     where = np.flatnonzero(truth)
     step = np.append(where, len(truth))[np.searchsorted(where, starts)]
     return np.where(step < ends, step - starts, NEVER).astype(np.int64)
+
+
+def restored(truth: BoolArray, starts: IntArray) -> IntArray:
+    """As `first_true`, but what holds at first, is undone and holds in the end counts from where it holds again."""
+    first, ends = first_true(truth, starts), np.append(starts[1:], len(truth))
+    undone = np.flatnonzero(~truth)
+    last = np.append(-1, undone)[np.searchsorted(undone, ends)]
+    return np.where((first == 0) & (last >= starts) & (last < ends - 1), last + 1 - starts, first).astype(np.int64)

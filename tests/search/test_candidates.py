@@ -13,7 +13,7 @@ from roboscribe.dsl.syntax import Truth
 from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge, likely_chance
 from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import BoolArray
-from roboscribe.world.trajectory import NEVER, first_true
+from roboscribe.world.trajectory import NEVER, first_true, restored
 from tests.search.examples import feature, random_states, samples
 from tests.story import candidate
 
@@ -108,6 +108,13 @@ def test_first_true_counts_from_each_episodes_start() -> None:
     truth = np.array([0, 1, 1, 0, 0, 0, 1], dtype=np.bool_)
     starts = np.array([0, 3, 6])
     assert first_true(truth, starts).tolist() == [1, NEVER, 0]
+
+
+def test_what_is_undone_is_brought_about_where_it_holds_again() -> None:
+    truth = np.array([1, 0, 1, 1, 1, 0, 0, 0, 1, 0, 1, 1, 1, 1, 0], dtype=np.bool_)
+    starts = np.array([0, 4, 7, 12])
+    assert first_true(truth, starts).tolist() == [0, 0, 1, 0]
+    assert restored(truth, starts).tolist() == [2, 0, 1, 0], "only what holds both at first and in the end is restored"
 
 
 def three_demonstrations(*others: tuple[int, int, int]) -> Samples:

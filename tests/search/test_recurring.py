@@ -95,6 +95,13 @@ def test_what_all_blocks_come_to_satisfy_at_once_is_no_loop() -> None:
     assert "b1↓p" not in candidates(demonstrations(CLOSE, together))
 
 
+def test_what_moves_all_blocks_alike_is_no_loop_though_one_arrives_first() -> None:
+    """They ride on something, the first one in front."""
+    ends, together = CLOSE - [0.5, 0.2], np.full((DEMONSTRATIONS, 2), 10)
+    assert "b1↓p" not in candidates(demonstrations(ends, together))
+    assert "b1↓p" in candidates(demonstrations(ends, ONE_BY_ONE))
+
+
 def test_what_most_demonstrations_begin_with_is_not_brought_about() -> None:
     states = demonstrations(CLOSE, ONE_BY_ONE)
     states[: DEMONSTRATIONS * 2 // 3, :, P] = 0.01
