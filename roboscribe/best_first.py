@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
 from roboscribe.classifier import Refinement
@@ -18,8 +19,6 @@ T = TypeVar("T")
 TRIED = "trained and did not help"
 BY_DEGREES, IN_KIND = 1, 2
 """What a choice gives away that takes the next best: hardly anything where it is worse by degrees alone."""
-HELPED = 1
-"""What a line gives away besides that does without a subgoal of a promising program."""
 PROMISING = 0.5
 """Share of the episodes from which on a program that reaches its goal may owe its failures to its controllers."""
 
@@ -39,18 +38,17 @@ class Search(Generic[Skills]):
     trained_again: Solution[Skills] | None = None
     trained: int = 0
     since: int = 0
-    open: list[Choices] = field(default_factory=lambda: [Choices()])
+    open: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=lambda: [(0, 0, ())])
     done: dict[tuple[object, ...], object] = field(default_factory=dict)
 
     def lines(self) -> Iterator[Line[Skills]]:
         """Yield one line after the other, best first, until a program is good or the budget is spent."""
         while self.open and self.trained < self.limits.programs and not self.satisfied:
-            following = min(self.open, key=self._order)
-            self.open.remove(following)
-            while not self.satisfied and self.best is not self.trained_again and self._gives_up(following):
+            given_away, _, choices = heappop(self.open)
+            while not self.satisfied and self.best is not self.trained_again and self._begins_otherwise(choices):
                 self._train_again()
             if not self.satisfied:
-                yield Line(self, following.ranks, following.given_away)
+                yield Line(self, choices, given_away)
 
     @property
     def satisfied(self) -> bool:
@@ -69,26 +67,10 @@ class Search(Generic[Skills]):
             or (in_vain and limits.nearly(outcome))
         )
 
-    def _order(self, line: Choices) -> tuple[int, int, tuple[int, ...]]:
-        """Sort key of open lines, next first."""
-        return line.given_away + HELPED * self._does_without(line), -len(line.ranks), line.ranks
-
-    def _does_without(self, line: Choices) -> bool:
-        """Whether a line does without some subgoal of a promising best program."""
-        best = self.best
-        if best is None or best.outcome.rate < PROMISING:
-            return False
-        return not {_chosen(refinement) for refinement in best.refinements} <= set(line.kept)
-
-    def _gives_up(self, line: Choices) -> bool:
-        """Whether a line gives up enough of what the best program stands on to train that program once more before.
-
-        That is any subgoal of one that fails hardly more often than is allowed, the first of one that is promising.
-        """
-        best = self.best
-        if best is None or self.trained >= self.limits.programs or not self._does_without(line):
-            return False
-        return self.limits.nearly(best.outcome) or line.ranks[:1] != self.best_choices[:1]
+    def _begins_otherwise(self, choices: tuple[int, ...]) -> bool:
+        """Whether a line gives up all that a promising best program stands on, beginning with its first subgoal."""
+        promising = self.best is not None and self.best.outcome.rate >= PROMISING
+        return promising and choices[:1] != self.best_choices[:1] and self.trained < self.limits.programs
 
     def _train_again(self) -> None:
         """Train the controllers of the best program once more; what becomes better by that may be trained again."""
@@ -105,25 +87,9 @@ class Search(Generic[Skills]):
         if self.best is None or found.outcome.beats(self.best.outcome):
             self.best, self.best_choices, self.since = found, choices, self.trained
 
-
-@dataclass(frozen=True)
-class Choices:
-    """A line that is open.
-
-    Args:
-        ranks: its choices.
-        given_away: what they give away.
-        kept: what it takes as an earlier line did, goals with their subgoals.
-    """
-
-    ranks: tuple[int, ...] = ()
-    given_away: int = 0
-    kept: tuple[tuple[str, str], ...] = ()
-
-
-def _chosen(refinement: Refinement) -> tuple[str, str]:
-    """Tell a refinement from others: its goal and the predicate of its subgoal."""
-    return refinement.psi, str(refinement.node.predicate)
+    def leave_open(self, choices: tuple[int, ...], given_away: int) -> None:
+        """Remember that another choice is possible."""
+        heappush(self.open, (given_away, -len(choices), choices))
 
 
 @dataclass
@@ -194,18 +160,7 @@ class Line(Generic[Skills]):
         if len(self.refinements) >= self.limits.refinements:
             return Fail(f"{self.limits.refinements} refinements were not enough")
         found = self.search.steps.classify(failures, tree, psi)
-        if isinstance(found, Fail):
-            return self._in_addition(psi, tree) or found
-        return _Options(self.search.steps, found, tree)
-
-    def _in_addition(self, psi: str, tree: Tree) -> _Options[Skills] | None:
-        """Say what could lead to a subgoal besides what does: the rest of the table of which that was taken."""
-        earlier = next((r for r in reversed(self.refinements) if r.psi == psi != ROOT), None)
-        if earlier is None:
-            return None
-        taken = [c.predicate for c in earlier.table].index(earlier.node.predicate)
-        rest = replace(earlier, table=earlier.table[taken + 1 :], passed_over=())
-        return _Options(self.search.steps, rest, tree)
+        return found if isinstance(found, Fail) else _Options(self.search.steps, found, tree)
 
     def _choose(self) -> int:
         """Take the next choice; beyond those given the best."""
@@ -217,8 +172,7 @@ class Line(Generic[Skills]):
     def _leave_open(self, price: int) -> None:
         """Leave the next best open, which gives so much more away, unless an earlier line did."""
         if len(self.taken) >= len(self.choices):
-            ranks, kept = (*self.taken[:-1], self.taken[-1] + 1), tuple(map(_chosen, self.refinements))
-            self.search.open.append(Choices(ranks, self.given_away + price, kept))
+            self.search.leave_open((*self.taken[:-1], self.taken[-1] + 1), self.given_away + price)
 
     def _once(self, act: Callable[[], T]) -> T:
         """Do what this line has not done in common with an earlier one."""

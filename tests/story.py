@@ -51,7 +51,6 @@ class Story:
         invalid: by subgoal, why no tree with it can be right.
         unwritable: by subgoal, why no program has it.
         explained: by all subgoals there are, how many of 20 demonstrations the program explains; all if not listed.
-        once: goals whose failures suggest nothing once something precedes them.
     """
 
     successes: Mapping[tuple[str, str], int]
@@ -59,7 +58,6 @@ class Story:
     invalid: Mapping[str, Fail] = field(default_factory=dict)
     unwritable: Mapping[str, Fail] = field(default_factory=dict)
     explained: Mapping[str, int] = field(default_factory=dict)
-    once: frozenset[str] = frozenset()
     asked: list[tuple[str, str]] = field(default_factory=list)
     classified: list[tuple[str, str]] = field(default_factory=list)
     checked: list[str] = field(default_factory=list)
@@ -105,8 +103,6 @@ class Story:
         lesson = self.lessons.get(goal, Fail(f"nothing explains {goal}"))
         if isinstance(lesson, Fail):
             return lesson
-        if goal in self.once and tree.predecessors(goal):
-            return Fail(f"nothing explains {goal} any more")
         there = {node.name for node in tree.nodes}
         table = tuple(candidate(node) for node in lesson if node.name not in there)
         if not table:
