@@ -146,7 +146,9 @@ class Learning:
         library, reports = ground(self.task, program, tree, shown, known, self.training, self.seed, solve=solve)
         for report in reports:
             self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")
-        return TrainedControllers(library, step_limits(program, shown, self.task), {**trained.grounds, **now})
+        return TrainedControllers(
+            library, step_limits(program, shown, self.task, self.training.confirm), {**trained.grounds, **now}
+        )
 
     def roll_out(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P)."""

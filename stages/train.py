@@ -75,7 +75,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         checkpoints=out / PROGRESS,
     )
     write_library(out, grown)
-    write_json(out / LIMITS, dict(step_limits(program, shown, task)))
+    write_json(out / LIMITS, dict(step_limits(program, shown, task, config.training.confirm)))
     write_json(out / REPORTS, [asdict(each) for each in reports])
 
 

@@ -29,7 +29,9 @@ from roboscribe.world.trajectory import Trajectory
 USUALLY = 0.95
 """Share of a controller's segments that set its step limit: a demonstrator's rare mishap does not."""
 SLACK = 2
-"""Times what a controller's segments usually take that it may take: a learned one may be slower than it was shown."""
+"""Times what its segments usually take that a controller may take in training: it may be slower than it was shown."""
+SETTLING = 2
+"""Times the steps of confirmation that a controller has in a loop beyond what its segments usually take."""
 SEEDS = 2**31
 """Seeds are drawn below this, so that they fit into 32 bits, with a sign or without."""
 
@@ -131,13 +133,18 @@ class ProgramTraining:
         return tuple(found)
 
     @cached_property
-    def limits(self) -> dict[str, int]:
-        """Step limit by controller: twice what its segments take; those that no demonstration runs are left out."""
+    def usual_steps(self) -> dict[str, int]:
+        """What 95 % of each controller's segments take; those that no demonstration runs are left out."""
         steps: dict[str, list[int]] = {}
         for part in (part for parts in self.segments for part in parts):
             steps.setdefault(self.runs[part.run_index].controller, []).append(part.stop - part.start)
         usual = {name: int(np.ceil(np.quantile(counts, USUALLY))) for name, counts in steps.items()}
-        return {name: SLACK * count for name, count in usual.items() if count > 0}
+        return {name: count for name, count in usual.items() if count > 0}
+
+    @cached_property
+    def limits(self) -> dict[str, int]:
+        """Step limit by controller, after which its loop turns to something else; it may come back."""
+        return {name: count + SETTLING * self.config.confirm for name, count in self.usual_steps.items()}
 
     def draw(self, name: str) -> np.random.Generator:
         """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
@@ -167,11 +174,12 @@ class ProgramTraining:
 
     def subtask(self, run: Run) -> Subtask:
         """Say what is asked of a skill: its step limit and the units of its reward come from the demonstrations."""
+        usual = self.usual_steps.get(run.controller)
         return Subtask(
             task=self.task,
             until=run.until,
             variables=run_variables(run),
-            limit=self.limits.get(run.controller, self.task.horizon),
+            limit=SLACK * usual if usual else self.task.horizon,
             confirm=self.config.confirm,
             continues_if=self.continues_if(run),
             scales=self.scales(run),

@@ -229,9 +229,9 @@ def test_killed_and_started_again_it_ends_alike(tmp_path: Path) -> None:
     assert resumed.reports == straight.reports
 
 
-def test_step_limits_are_twice_the_longest_segment() -> None:
+def test_step_limits_are_the_longest_segment_and_some_steps_of_confirmation() -> None:
     limits = step_limits(PROGRAM, SHOWN, TASK)
     gaps = [np.linalg.norm(each.states[:, :2] - each.states[:, 2:4], axis=1) < 0.04 for each in SHOWN]
-    assert limits["hold"] == 2 * max(int(np.argmax(gap)) for gap in gaps)
-    assert limits["at"] == 2 * max(len(each) - 1 - int(np.argmax(gap)) for each, gap in zip(SHOWN, gaps, strict=True))
+    assert limits["hold"] == max(int(np.argmax(gap)) for gap in gaps) + 6
+    assert limits["at"] == max(len(each) - 1 - int(np.argmax(gap)) for each, gap in zip(SHOWN, gaps, strict=True)) + 6
     assert AT != HOLD
