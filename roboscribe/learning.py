@@ -22,7 +22,7 @@ from roboscribe.io.validation import screen
 from roboscribe.policy import Policy, task_named
 from roboscribe.programs import program_name, saved_form
 from roboscribe.rl.config import Profile, TrainConfig
-from roboscribe.rl.train_program import step_limits
+from roboscribe.rl.program_training import step_limits
 from roboscribe.runnable import Runnable
 from roboscribe.steps import Abandoned, Decision, Limits, Outcome, Refined, Removed, Retrained, Steps, pure_steps
 from roboscribe.subtask_tree import ROOT, Tree

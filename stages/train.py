@@ -11,7 +11,7 @@ from roboscribe.grounding import ground
 from roboscribe.io.atomic import Json
 from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
-from roboscribe.rl.train_program import step_limits
+from roboscribe.rl.program_training import step_limits
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_library, write_library
 from roboscribe.stages.runtime.files import read_program, write_json

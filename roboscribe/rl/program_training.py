@@ -9,6 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
+from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import Segment, segment
 from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
 from roboscribe.dsl.semantics import evaluate
@@ -256,3 +257,23 @@ class ProgramTraining:
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
         affordable = max(1, int(most / 4 / self.subtask(run).limit))
         return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps
+
+
+def step_limits(
+    program: Program, demonstrations: Sequence[Trajectory], task: Task, confirm: int = CONFIRM
+) -> dict[str, int]:
+    """Return each controller's step limit in loops: what 95 % of its segments take, and some steps to be confirmed.
+
+    Args:
+        program: P.
+        demonstrations: canonically named.
+        task: answers ψ_R.
+        confirm: consecutive steps for which φ must hold.
+
+    Returns:
+        Steps by controller name; controllers that no demonstration runs are left out.
+
+    Departs: the paper's π[φ] runs until φ, however long. A learned controller that takes longer than demonstrators do
+        has mostly lost what it was to serve; its loop may come back to it.
+    """
+    return ProgramTraining(task, program, demonstrations, TrainConfig(confirm=confirm), 0, True).limits

@@ -9,7 +9,6 @@ from typing import TypeAlias, assert_never
 
 import numpy as np
 
-from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
@@ -133,26 +132,6 @@ def train_program(
             reports.append(replace(report, control_steps=report.control_steps + steps))
             steps = 0
     return TrainingResult(skills, tuple(reports))
-
-
-def step_limits(
-    program: Program, demonstrations: Sequence[Trajectory], task: Task, confirm: int = CONFIRM
-) -> dict[str, int]:
-    """Return each controller's step limit in loops: what 95 % of its segments take, and some steps to be confirmed.
-
-    Args:
-        program: P.
-        demonstrations: canonically named.
-        task: answers ψ_R.
-        confirm: consecutive steps for which φ must hold.
-
-    Returns:
-        Steps by controller name; controllers that no demonstration runs are left out.
-
-    Departs: the paper's π[φ] runs until φ, however long. A learned controller that takes longer than demonstrators do
-        has mostly lost what it was to serve; its loop may come back to it.
-    """
-    return ProgramTraining(task, program, demonstrations, TrainConfig(confirm=confirm), 0, True).limits
 
 
 @dataclass(frozen=True)

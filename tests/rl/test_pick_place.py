@@ -16,7 +16,8 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.parser import parse_program
 from roboscribe.envs.catalogue import make_task
 from roboscribe.rl.config import Profile, TrainConfig
-from roboscribe.rl.train_program import no_log, step_limits, train_program
+from roboscribe.rl.program_training import step_limits
+from roboscribe.rl.train_program import no_log, train_program
 
 PROGRAM = parse_program(
     """def PickPlace(μ : EE):

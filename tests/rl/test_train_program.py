@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
+from roboscribe.rl.program_training import step_limits
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import TrainingResult, step_limits, train_program
+from roboscribe.rl.train_program import TrainingResult, train_program
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 TASK = Carry()
