@@ -15,7 +15,7 @@ from roboscribe.evidence import Crossings, Evidence
 from roboscribe.search.candidates import Anchor, Candidate, Samples
 from roboscribe.search.decision_tree import learn_decision_tree
 from roboscribe.search.features import Feature, enumerate_features
-from roboscribe.search.loop_entities import Pairs
+from roboscribe.search.loop_entities import Pairs, is_lasting
 from roboscribe.search.naming import name_predicate
 from roboscribe.search.predicates import rank_predicates
 from roboscribe.search.recurring import recurring_candidates
@@ -78,7 +78,7 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     if isinstance(comparable, Fail):
         return comparable
     negatives = comparable
-    features = enumerate_features(evidence.layout, _nameable(evidence, tree, psi))
+    features = _changing(enumerate_features(evidence.layout, _nameable(evidence, tree, psi)), crossings, evidence)
     found: list[Candidate] = []
     for view, mine in _views(crossings, features, evidence, tree, psi):
         samples = _samples(view, negatives, evidence, tree, psi, features)
@@ -94,6 +94,15 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
             f"the demonstrations show several ways"
         )
     return alternative(Refinement(psi, tree.node(psi), table, len(crossings.starts), len(negatives)), 0, evidence, tree)
+
+
+def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evidence) -> tuple[Feature, ...]:
+    """Leave out what no crossing changes: where a goal lies is nothing that a controller could bring about."""
+    return tuple(
+        feature
+        for feature in features
+        if not is_lasting(feature.values(crossings.frames, evidence.layout), crossings.starts)
+    )
 
 
 def _views(

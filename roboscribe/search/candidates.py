@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import factorial
 
 import numpy as np
 
@@ -229,10 +230,14 @@ def likely_chance(accepted: BoolArray, crossings: int, choices: int, atoms: int 
         accepted: (M,) failing states on which the predicate holds.
         crossings: how often the demonstrations agree with it; of few, failing states would agree with much.
         choices: how many expressions were on offer, each with two sides.
-        atoms: of how many of them the predicate consists.
+        atoms: of how many of them the predicate consists; each has a threshold of its own, at the outermost crossing,
+            so that more of them leave fewer states by chance.
     """
     share = (np.count_nonzero(accepted) + 1) / (len(accepted) + 2)
-    return bool(atoms * np.log2(2 * choices) + crossings * np.log2(share) > np.log2(CHANCE))
+    # Each atom by itself lets pass what the greatest of as many uniform numbers does; these are multiplied.
+    fitted = sum((-crossings * np.log(share)) ** n / factorial(n) for n in range(atoms))
+    by_chance = atoms * np.log2(2 * choices) + crossings * np.log2(share) + np.log2(fitted)
+    return bool(by_chance > np.log2(CHANCE))
 
 
 def is_copy(feature: Feature, known: Mapping[str, int]) -> bool:

@@ -239,7 +239,13 @@ def ball(feature: Feature, sign: float) -> int:
 
 
 def bound(
-    pos: FloatArray, neg: FloatArray, spread: float, usual: float, before: FloatArray | None = None, numbers: int = 0
+    pos: FloatArray,
+    neg: FloatArray,
+    spread: float,
+    usual: float,
+    before: FloatArray | None = None,
+    numbers: int = 0,
+    least: float = 0.0,
 ) -> tuple[float, float]:
     """Choose the threshold below which all positives lie, and measure the gap from them to the next negative.
 
@@ -250,6 +256,7 @@ def bound(
         usual: range of what the feature is otherwise, see `usual_range`.
         before: (P,) values right before the goal; those beyond the positives show that the goal is what sets them.
         numbers: of how many numbers the values are the length; 0 where they are none.
+        least: slack of which the demonstrations show nothing.
     """
     extreme = float(pos.max())
     rejected = neg[neg > extreme]
@@ -259,6 +266,7 @@ def bound(
         SLACK * width,
         unseen(len(pos), numbers) * (extreme if numbers else width),
         LEAST_SLACK * spread,
+        least,
         STOP * usual if width < ALIKE * usual and len(pos) > 1 else 0.0,  # one is always like itself
     )
     for values in (neg, pos if before is None else before):

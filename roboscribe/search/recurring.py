@@ -18,7 +18,7 @@ from roboscribe.search.features import Feature
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
 from roboscribe.search.predicates import ball, bits, bound, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from roboscribe.world.trajectory import AGREEMENT, first_true
+from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true
 
 ARRIVING = 2
 """Frames before ψ_R first holds within which something arrives for it: where it lies is measured at the last two."""
@@ -68,13 +68,10 @@ def _candidate(
         return None
     values, negatives = alone(only, values, pairs.frames, pairs), alone(only, negatives, pairs.negatives, pairs)
     worst = negatives.max(axis=0)
-    at_end, before = values[:, pairs.lasts], values[:, pairs.lasts - 1]
-    pos = np.minimum(at_end, before)
-    settled = _settled(values, pos.max(), pairs)
-    kept = pos[settled] if settled.any(axis=0).mean() >= AGREEMENT else pos[np.isfinite(pos)]
-    # Where the last entity is right before ψ_R holds is not good enough: slack must not reach there.
+    kept, arriving = _at_the_end(values, pairs)
     usual = usual_range(values[np.isfinite(values)], ball(feature, sign))
-    threshold, gap = bound(kept, worst, spread, usual, before[np.isfinite(before)], ball(feature, sign))
+    unseen = 0.5 * _last_step(values, float(kept.max()), pairs)
+    threshold, gap = bound(kept, worst, spread, usual, arriving, ball(feature, sign), unseen)
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -110,6 +107,26 @@ def _candidate(
     )
 
 
+def _at_the_end(values: FloatArray, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
+    """Return where entities lie once ψ_R holds, and where, further off, the last ones right before; values (N, S).
+
+    Where the last one is right before ψ_R holds is not good enough: slack must not reach there. Demonstrations that
+    mostly go on for longer say nothing about that.
+    """
+    before = values[:, pairs.lasts - 1]
+    pos = np.minimum(values[:, pairs.lasts], before)
+    there = np.isfinite(pos)
+    settled = _settled(values, pos.max(), pairs)
+    arriving = there & ~settled
+    if settled.any(axis=0).mean() < AGREEMENT:
+        settled, arriving = there, there
+    kept = pos[settled]
+    if np.median(arriving.any(axis=0)) == 0.0:
+        return kept, np.empty(0)
+    beyond = np.sort(before[arriving & (before > kept.max())])
+    return kept, beyond[int((1.0 - AGREEMENT) * len(pairs.starts)) :]
+
+
 def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     """Tell which (entity, demonstration) pairs were left behind before ψ_R held, (N, D).
 
@@ -120,6 +137,20 @@ def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     arriving = since >= pairs.lasts - pairs.starts - ARRIVING
     settled: BoolArray = (since >= 0) & ((since < since.max(axis=0)) | ~arriving)
     return settled
+
+
+def _last_step(values: FloatArray, extreme: float, pairs: Pairs) -> float:
+    """Return how far beyond an extreme entities usually were one frame before they came within it; values (N, S).
+
+    Of what lies between, demonstrations that pass it in one step say nothing.
+    """
+    arrivals = [
+        row[start + step - 1]
+        for row in values
+        for start, step in zip(pairs.starts, first_true(row <= extreme, pairs.starts), strict=True)
+        if 0 < step < NEVER
+    ]
+    return float(np.median(arrivals)) - extreme if arrivals else 0.0
 
 
 def _last_false(truth: BoolArray, pairs: Pairs) -> IntArray:

@@ -74,6 +74,15 @@ def test_of_few_that_were_left_behind_the_one_that_lies_furthest_off_counts_as_w
     assert ends.max() < threshold(found) < 0.05
 
 
+def test_a_threshold_lies_between_the_end_of_long_strides_and_the_frame_before() -> None:
+    """Those who go fast show nothing of what lies between; a block that still rocks a little does not tighten it."""
+    states = demonstrations(CLOSE / 20, np.tile([-15, 5], (DEMONSTRATIONS, 1)))
+    states[..., P] = np.where(states[..., P] < 0.2, CLOSE[:, None] / 20, states[..., P])
+    states[:2, -2, P[1]] = CLOSE.max() / 20 + 0.0002
+    found = candidates(states)["b1↓p"]
+    assert 0.08 < threshold(found) < 0.2
+
+
 def test_it_does_not_matter_which_block_is_served_first() -> None:
     swapped = ONE_BY_ONE.copy()
     swapped[::2] = swapped[::2, ::-1]
