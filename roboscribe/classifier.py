@@ -250,9 +250,22 @@ def _samples(
         steps,
         known=_compared(features, (*tree.above(psi), *chain), evidence),
         goal_entities=_at_stake(evidence, tree, psi),
+        elsewhere=tuple(_elsewhere(crossings, evidence, tree, psi)),
         root=psi == ROOT,
         anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
+
+
+def _elsewhere(
+    crossings: Crossings, evidence: Evidence, tree: Tree, psi: str
+) -> Iterator[tuple[frozenset[str], IntArray]]:
+    """Say of the branches beside that of ψ what they move that ψ does not mention, and when they are done."""
+    mentioned = frozenset(free_vars(tree.node(psi).predicate))
+    path = [node.name for node in tree.above(psi)]
+    for node in (before for goal in path[1:] for before in tree.predecessors(goal)):
+        moved = (_at_stake(evidence, tree, node.name) & evidence.moved) - mentioned
+        if node.name not in path and not node.circular and moved:
+            yield moved, crossings.first_steps(node.predicate, evidence.layout, evidence.solved)
 
 
 def _at_stake(evidence: Evidence, tree: Tree, psi: str) -> frozenset[str]:

@@ -83,6 +83,7 @@ class Samples:
         steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
         known: what the goal and the subgoals before it compare already, see `is_copy`.
         goal_entities: entities that the goal mentions by name.
+        elsewhere: of each other branch, what it moves that the goal does not mention, and when (C,) it is done.
         root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
     """
@@ -98,6 +99,7 @@ class Samples:
     steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
     known: Mapping[str, int] = field(default_factory=dict)
     goal_entities: frozenset[str] = frozenset()
+    elsewhere: tuple[tuple[frozenset[str], IntArray], ...] = ()
     root: bool = True
     anchors: tuple[Anchor, ...] = ()
 
@@ -114,7 +116,7 @@ class Candidate:
         first: where in a crossing φ first holds, median, 0 start to 1 goal.
         copy: whether φ compares what the goal or a subgoal before it compares, with another threshold; that explains
             nothing, but where it restores what an earlier subgoal undid.
-        relevant: whether φ mentions every entity that the goal mentions.
+        relevant: whether φ mentions every entity that the goal mentions, and no branch elsewhere brings it about.
         advances: whether φ is brought about on the way, always after or always before each subgoal that is there.
         margin: distance from the threshold to the nearest rejected negative, in spreads.
         scales: spread of each term, to make margins comparable in a reward.
@@ -298,7 +300,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
         first=way,
         copy=not restores and any(is_copy(f, samples.known) for f in it.features),
-        relevant=samples.goal_entities <= names,
+        relevant=samples.goal_entities <= names and not _done_elsewhere(names, first, samples),
         advances=_advances(first, lengths, samples.steps.get(names, ()))
         and (samples.root or bool(np.median(lengths - 1 - first) > 0)),
         margin=it.margin,
@@ -320,6 +322,14 @@ def _advances(first: IntArray, lengths: IntArray, others: Sequence[IntArray]) ->
         return False
     sides = ((first >= other, first < other) for other in others)
     return all(max(np.mean(after[voters]), np.mean(before[voters])) >= AGREEMENT for after, before in sides)
+
+
+def _done_elsewhere(names: frozenset[str], first: IntArray, samples: Samples) -> bool:
+    """Whether what first holds at `first` (C,) is about what another branch moves, and there no later than it is done.
+
+    That a mug stands far below a drawer follows from its being where another branch brings it.
+    """
+    return any(moved & names and np.median(done - first) >= 0 for moved, done in samples.elsewhere)
 
 
 def _since(first: IntArray, starts: IntArray, total: int) -> BoolArray:

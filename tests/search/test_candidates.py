@@ -173,6 +173,22 @@ def test_only_the_goal_of_the_task_may_be_nothing_but_its_last_step() -> None:
     assert judged("0011 0001 0011", replace(root, root=False)).advances
 
 
+@pytest.mark.parametrize(
+    ("moved", "done", "relevant"),
+    [
+        ("b1", (2, 3, 0), False),  # it is there as soon as the other branch is done, or before
+        ("b1", (1, 1, 0), False),
+        ("b1", (0, 0, 3), True),  # it comes after what the other branch brings about
+        ("b2", (2, 3, 0), True),  # the other branch is about another entity
+    ],
+)
+def test_what_another_branch_brings_about_is_no_step_on_this_one(
+    moved: str, done: tuple[int, int, int], relevant: bool
+) -> None:
+    given = replace(three_demonstrations(), elsewhere=((frozenset([moved]), np.array(done)),))
+    assert judged("0111 0010 1111", given).relevant == relevant
+
+
 @pytest.mark.parametrize(("text", "standing"), [("b1↓p", 0), ("μ↓opening", 1)])
 @pytest.mark.parametrize("added", [False, True])
 def test_after_a_predecessor_the_world_stands_before_the_robot(text: str, standing: int, added: bool) -> None:
