@@ -45,7 +45,7 @@ class Search(Generic[Skills]):
         """Yield one line after the other, best first, until a program is good or the budget is spent."""
         while self.open and self.trained < self.limits.programs and not self.satisfied:
             given_away, _, choices = heappop(self.open)
-            while not self.satisfied and self.best is not self.trained_again and self._begins_otherwise(choices):
+            while not self.satisfied and self._rather_trains_again(choices, given_away):
                 self._train_again()
             if not self.satisfied:
                 yield Line(self, choices, given_away)
@@ -67,10 +67,17 @@ class Search(Generic[Skills]):
             or (in_vain and limits.nearly(outcome))
         )
 
-    def _begins_otherwise(self, choices: tuple[int, ...]) -> bool:
-        """Whether a line gives up all that a promising best program stands on, beginning with its first subgoal."""
-        promising = self.best is not None and self.best.outcome.rate >= PROMISING
-        return promising and choices[:1] != self.best_choices[:1] and self.trained < self.limits.programs
+    def _rather_trains_again(self, choices: tuple[int, ...], given_away: int) -> bool:
+        """Whether a promising best program owes its failures to its controllers more likely than to its subgoals.
+
+        That is so before a line gives up all that it stands on, beginning with its first subgoal; before one that gives
+        away more than degrees where it fails hardly more often than is allowed.
+        """
+        best = self.best
+        if best is None or best is self.trained_again or self.trained >= self.limits.programs:
+            return False
+        begins_otherwise = best.outcome.rate >= PROMISING and choices[:1] != self.best_choices[:1]
+        return begins_otherwise or (given_away >= IN_KIND and self.limits.nearly(best.outcome))
 
     def _train_again(self) -> None:
         """Train the controllers of the best program once more; what becomes better by that may be trained again."""

@@ -176,6 +176,14 @@ def test_before_another_beginning_the_controllers_of_a_promising_program_are_tra
         assert story.asked[-1] == (ROOT, "other")
 
 
+def test_a_program_that_hardly_fails_is_trained_once_more_before_what_was_taken_as_it_is_is_refined() -> None:
+    reached = {("at", "at"): 12, ("hold", "at hold"): 20, ("at", "at hold"): 20}
+    for successes, asked, rate in ((15, 2, 0.75), (13, 1, 1.0)):  # three times 10 % may fail; then that is in vain
+        story = Story({**reached, **root(successes, "at"), **root(20, "at hold")}, {ROOT: [AT1], "at": [HOLD1]})
+        assert solved(story, Limits(success=0.9)).rate == rate
+        assert story.asked.count((ROOT, "at")) == asked
+
+
 def test_what_was_trained_again_in_vain_remains_where_nothing_better_is_found_for_long() -> None:
     reached = {("at", "at"): 20, ("other", "other"): 20, ("third", "third"): 20}
     story = Story({**reached, **root(12, "at"), **root(20, "third")}, {ROOT: [AT1, OTHER, THIRD]})
