@@ -59,6 +59,14 @@ def test_cubes_and_goals_are_apart(cubes: int) -> None:
         assert geometry.inside(episode.goals, bar).all()
 
 
+@pytest.mark.parametrize("extension", [0.0, 0.1, geometry.TRAVEL])
+def test_goals_go_with_a_drawer_that_has_to_be_shut_again(extension: float) -> None:
+    episode, out = geometry.draw(np.random.default_rng(0), 3), np.array(extension)
+    bar = geometry.drawer_columns(episode.cabinet[None], out[None], 0.0)[0, :3]
+    assert geometry.inside(geometry.cube_goals(episode.goals, out, closed=True), bar).all()
+    np.testing.assert_array_equal(geometry.cube_goals(episode.goals, out, closed=False), episode.goals)
+
+
 def test_goals_do_not_tell_where_the_handle_is() -> None:
     """A controller that sees a cube and its goal alone must not open the drawer by knowing where it always is."""
     world = DrawerWorld(1, False, "fast", 200)

@@ -153,6 +153,18 @@ def solved(states: FloatArray, cubes: int, closed: bool) -> BoolArray:
     return done & shut if closed else done
 
 
+def cube_goals(slots: FloatArray, extension: FloatArray, closed: bool) -> FloatArray:
+    """Return where cubes are wanted, (..., N, 3).
+
+    Args:
+        slots: (..., N, 3) places in the open drawer.
+        extension: (...) of the drawer.
+        closed: whether the drawer has to be shut at the end; then places go with it, for cubes do.
+    """
+    shut = np.where(closed, TRAVEL - extension, 0.0)
+    return np.asarray(slots + shut[..., None, None] * (1.0, 0.0, 0.0))
+
+
 def drawer_columns(cabinet: FloatArray, extension: FloatArray, goal: float) -> FloatArray:
     """Return what a state says of the drawer (R, 5): place of its bar, extension, goal.
 

@@ -134,6 +134,11 @@ class PlaceCubesDrawer(ManipulationEnv):  # type: ignore[misc]
         """Centres (N, 3) of the cubes."""
         return np.array([self.sim.data.get_body_xpos(cube.root_body) for cube in self.cubes])
 
+    @property
+    def cube_goals(self) -> FloatArray:
+        """Where the cubes are wanted (N, 3), with the drawer as it is."""
+        return geometry.cube_goals(self.episode.goals, np.array(self.extension), self.closed)
+
     def _check_success(self) -> bool:
         """Tell whether every cube is in the drawer, and the drawer shut where it has to be."""
         done = bool(geometry.inside(self.cube_positions, self.bar).all())
@@ -153,7 +158,7 @@ class PlaceCubesDrawer(ManipulationEnv):  # type: ignore[misc]
             return lambda _: np.asarray(self.cube_positions[index])
 
         def slot(index: int) -> Callable[[object], FloatArray]:
-            return lambda _: np.asarray(self.episode.goals[index]).copy()
+            return lambda _: self.cube_goals[index]
 
         found: dict[str, Callable[[object], FloatArray]] = {
             "drawer_pos": lambda _: self.bar,

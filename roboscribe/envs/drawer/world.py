@@ -60,8 +60,8 @@ class DrawerWorld(World):
         self._chain = chain(model)
         self._start = start(model, self._places)
         self._rest = np.array(geometry.START_JOINTS)
-        self._goal_extension = 0.0 if closed else geometry.TRAVEL
-        self._goals = np.full((batch, cubes, 3), np.nan)
+        self._closed = closed
+        self._slots = np.full((batch, cubes, 3), np.nan)
 
     def reset(self, rows: IntArray, seeds: IntArray) -> FloatArray:
         """Start episodes: row `rows[i]` gets the initial state that `seeds[i]` alone decides. Returns (R, F)."""
@@ -70,7 +70,7 @@ class DrawerWorld(World):
             episode = geometry.draw(np.random.default_rng(int(seed)), self._cubes)
             states[i, self._places.cabinet], states[i, self._places.extension] = episode.cabinet, episode.ajar
             states[i, self._places.cubes[:, :2]] = episode.places
-            self._goals[row] = episode.goals
+            self._slots[row] = episode.goals
         self.engine.put(rows, states, np.zeros((len(rows), self.engine.sensors.shape[1])))
         return self.observe(rows)
 
@@ -118,8 +118,9 @@ class DrawerWorld(World):
         speed = (pose.jacobian @ _picked(states, places.arm_speed)[..., None])[:, :3, 0]
         opening = geometry.PADS + states[:, places.left] - states[:, places.right]
         extension = states[:, places.extension]
-        drawer = geometry.drawer_columns(states[:, places.cabinet], extension, self._goal_extension)
-        cubes = np.concatenate([states[:, places.cubes[:, :3]], self._goals[rows]], axis=2)
+        drawer = geometry.drawer_columns(states[:, places.cabinet], extension, 0.0 if self._closed else geometry.TRAVEL)
+        goals = geometry.cube_goals(self._slots[rows], extension, self._closed)
+        cubes = np.concatenate([states[:, places.cubes[:, :3]], goals], axis=2)
         parts = [pose.hand, opening[:, None], speed, drawer]
         return np.concatenate([*parts, cubes.reshape(len(rows), -1)], axis=1)
 
@@ -129,8 +130,8 @@ class DrawerWorld(World):
         return failed
 
     def save(self, rows: IntArray) -> FloatArray:
-        """Return snapshots (R, S): integration state and goals."""
-        return np.concatenate([self.engine.save(rows), self._goals[rows].reshape(len(rows), -1)], axis=1)
+        """Return snapshots (R, S): integration state and slots."""
+        return np.concatenate([self.engine.save(rows), self._slots[rows].reshape(len(rows), -1)], axis=1)
 
     def load(self, rows: IntArray, snapshots: FloatArray) -> FloatArray:
         """Put `rows` into saved states (R, S). Returns (R, F).
@@ -139,10 +140,10 @@ class DrawerWorld(World):
             TaskError: the snapshots are of another scene.
         """
         split = self.engine.snapshot_size
-        width = split + self._goals[0].size
+        width = split + self._slots[0].size
         if snapshots.shape != (len(rows), width):
             msg = f"snapshots of shape {snapshots.shape}: expected {(len(rows), width)} for {self._cubes} cubes"
             raise TaskError(msg)
         self.engine.load(rows, snapshots[:, :split])
-        self._goals[rows] = snapshots[:, split:].reshape(len(rows), -1, 3)
+        self._slots[rows] = snapshots[:, split:].reshape(len(rows), -1, 3)
         return self.observe(rows)

@@ -157,7 +157,7 @@ def _drawer_view(env: Any) -> View:  # noqa: ANN401
         left, right = (env.sim.data.get_joint_qpos(f"gripper0_right_{side}_finger_joint") for side in "lr")
         gap = np.array([geometry.PADS + left - right])
         drawer = np.array([*env.bar, env.extension, 0.0 if env.closed else geometry.TRAVEL])
-        cubes = np.concatenate([env.cube_positions, env.episode.goals], axis=1)
+        cubes = np.concatenate([env.cube_positions, env.cube_goals], axis=1)
         return np.concatenate([place, gap, hand_velocity(env), drawer, cubes.ravel()])
 
     return View(geometry.layout(len(env.cubes)), read)
