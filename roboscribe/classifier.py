@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, walk
+from roboscribe.dsl.rewrite import free_vars, rename, speaks_of_goals_alone, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Term, Truth
 from roboscribe.errors import Fail
@@ -97,11 +97,12 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
 
 
 def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evidence) -> tuple[Feature, ...]:
-    """Leave out what no crossing changes: where a goal lies is nothing that a controller could bring about."""
+    """Leave out what no crossing changes, and where goals lie: a goal that moves rides on something that is moved."""
     return tuple(
         feature
         for feature in features
-        if not is_lasting(feature.values(crossings.frames, evidence.layout), crossings.starts)
+        if not speaks_of_goals_alone(feature.term)
+        and not is_lasting(feature.values(crossings.frames, evidence.layout), crossings.starts)
     )
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from itertools import combinations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import free_vars, walk
 from roboscribe.dsl.semantics import holds
@@ -53,9 +54,9 @@ def rank_predicates(
 ) -> tuple[Candidate, ...]:
     """Rank the predicates that separate the samples.
 
-    First single atoms, and what each adds to a predecessor; pairs of atoms only where none of those explains the
-    goal. Every feature is tried on both sides, with its threshold at the extreme of the positives, so that a
-    candidate always holds on all of them.
+    First single atoms, and what each adds to a predecessor; where none of those explains the goal, atoms as they are
+    right before it, and then pairs of atoms. Every feature is tried on both sides, with its threshold at the extreme of
+    the positives, so that a candidate holds on all of them, or but for a few that lie far from all others.
 
     Args:
         features: scalar expressions on offer.
@@ -71,6 +72,9 @@ def rank_predicates(
     lifted = {c.family for c in recurring}
     small = [c for c in small if c.family not in lifted]
     table = sorted([*_one_per_family(small), *_one_per_family(recurring)], key=lambda c: c.rank)
+    if not any(c.explains for c in table):
+        passing = [judge(atom.judged(), samples) for atom in _passing(features, samples)]
+        table = sorted([*table, *_one_per_family(passing)], key=lambda c: c.rank)
     if not any(c.explains for c in table):
         table = sorted([*table, *_pairs(atoms, samples)], key=lambda c: c.rank)
     return tuple(table[:keep])
@@ -126,13 +130,26 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
 
 
 def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
-    found: list[_Atom | None] = []
+    found = [_atom(feature, values, sign) for feature, values, sign in _sides(features, samples)]
+    return [atom for atom in found if atom is not None]
+
+
+def _passing(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
+    """Atoms of what comes to hold together with ψ, as it is right before: a touch is a matter of one step."""
+    found = []
+    for feature, values, sign in () if samples.root else _sides(features, samples):
+        if np.median(values.before) > float(values.reached.max()):
+            found.append(_atom(feature, replace(values, reached=values.before), sign))
+    return [atom for atom in found if atom is not None]
+
+
+def _sides(features: Sequence[Feature], samples: Samples) -> Iterator[tuple[Feature, _Values, float]]:
+    """Yield each feature, and its values in all samples, twice: to lie below, and turned round to lie above."""
     sets = (samples.before, samples.reached, samples.lasts, samples.negatives, samples.frames)
     for feature in features:
         values = _Values(*(feature.values(states, samples.layout) for states in sets))
         if values.finite:
-            found += [_atom(feature, values.towards(sign), sign) for sign in (1.0, -1.0)]
-    return [atom for atom in found if atom is not None]
+            yield from ((feature, values.towards(sign), sign) for sign in (1.0, -1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,8 +214,19 @@ def far_side(pos: FloatArray) -> float:
     What a few reach beyond what is needed (a mug that is to be pushed rolls on) says nothing about the threshold: a
     twentieth is left out where the others lie in less than half of the whole range.
     """
-    extreme, end, usual_end = float(pos.max()), float(pos.min()), float(np.quantile(pos, 1.0 - AGREEMENT))
+    extreme, end, usual_end = near_side(pos), float(pos.min()), float(np.quantile(pos, 1.0 - AGREEMENT))
     return usual_end if extreme - usual_end < 0.5 * (extreme - end) else end
+
+
+def near_side(pos: FloatArray) -> float:
+    """Return where positives (P,) end that are to lie below a threshold, at the side that it bounds.
+
+    A few that lie far from all others (what was served is brushed aside again later) are accidents: a twentieth is left
+    out where the others lie in less than half of the whole range.
+    """
+    ordered = np.sort(pos)
+    usual = float(ordered[-1 - int((1.0 - AGREEMENT) * len(pos))])
+    return usual if usual - ordered[0] < 0.5 * (ordered[-1] - ordered[0]) else float(ordered[-1])
 
 
 def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign: float) -> float:
@@ -213,7 +241,7 @@ def bits(pos: FloatArray, threshold: float, usual: float, feature: Feature, sign
     """
     few = (len(pos) + 1) / max(1, len(pos) - 1)  # a population is that much wider than a sample
     # The slack that we add to a threshold is not what the positives say; a ball is what it is said to be.
-    width = threshold if ball(feature, sign) else few * (float(pos.max()) - far_side(pos))
+    width = threshold if ball(feature, sign) else few * (near_side(pos) - far_side(pos))
     if usual == 0.0:
         return 0.0
     return float(max(1, ball(feature, sign)) * np.clip(np.log2(usual / max(width, 1e-9)), 0.0, MOST_BITS))
@@ -258,7 +286,7 @@ def bound(
         numbers: of how many numbers the values are the length; 0 where they are none.
         least: slack of which the demonstrations show nothing.
     """
-    extreme = float(pos.max())
+    extreme = near_side(pos)
     rejected = neg[neg > extreme]
     gap = float(rejected.min()) - extreme if rejected.size else spread
     width = extreme - far_side(pos)
@@ -317,7 +345,10 @@ def _within_family(c: Candidate) -> tuple[float | bool | str, ...]:
 
 
 def _pairs(atoms: Sequence[_Atom], samples: Samples, best: int = 100, keep: int = 800) -> list[Candidate]:
-    """Conjunctions of two atoms: acceptance of all pairs at once, then a closer look at the best."""
+    """Conjunctions of two atoms: acceptance of all pairs at once, then a closer look at the best.
+
+    One of two atoms that never takes anything away from the other adds no more than words.
+    """
     sides: dict[tuple[str, int], _Atom] = {}
     for atom in sorted(atoms, key=lambda a: (a.accepted, -a.feature.detail, a.feature.size)):
         sides.setdefault((atom.feature.family, atom.feature.detail), atom)
@@ -326,8 +357,16 @@ def _pairs(atoms: Sequence[_Atom], samples: Samples, best: int = 100, keep: int 
         return []
     truth = np.stack([a.on_negatives for a in chosen]).astype(np.float32)
     together = truth @ truth.T
-    order = sorted(combinations(range(len(chosen)), 2), key=lambda ij: (together[ij], ij))
+    alone = _takes_away(truth) | _takes_away(np.stack([a.on_frames for a in chosen]).astype(np.float32))
+    both_count = [ij for ij in combinations(range(len(chosen)), 2) if alone[ij] and alone[ij[::-1]]]
+    order = sorted(both_count, key=lambda ij: (together[ij], ij))
     return [_conjunction(chosen[i], chosen[j], samples) for i, j in order[:keep]]
+
+
+def _takes_away(truth: NDArray[np.float32]) -> BoolArray:
+    """Tell of rows (N, S) of 0 and 1 in which (i, j) row i is somewhere 1 where row j is 0, (N, N)."""
+    somewhere: BoolArray = truth @ (1.0 - truth).T > 0.0
+    return somewhere
 
 
 def _conjunction(a: _Atom, b: _Atom, samples: Samples) -> Candidate:
