@@ -66,6 +66,7 @@ def _version(asked: bool) -> None:
 TaskName = Annotated[str, typer.Argument(help="a name that `roboscribe tasks` lists", metavar="TASK")]
 TaskOption = Annotated[str | None, typer.Option("--task", help="a task's name; left out: the program's own")]
 STYLE_HELP = "default, brisk, slow, topdown, pauses, detours, clumsy, stop (at success), linger (after it) or mixed"
+HORIZON_HELP = "control steps of an episode; left out: as many as when the program was made, in another task its own"
 DISTURB_HELP = "noise=M (of positions, m), delay=STEPS, push=M/S, slip=PER_SECOND, knock=BLOCKS, friction=TIMES, "
 DISTURB_HELP += "mass=TIMES or size=TIMES; repeatable"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
@@ -160,6 +161,7 @@ def evaluate(
     json: JsonFile = None,
     contact: Contact = "stable",
     timing: Timing = "fast",
+    horizon: Annotated[int | None, typer.Option(min=1, help=HORIZON_HELP)] = None,
     quiet: Quiet = False,
     home: HomeDir = Path(),
 ) -> None:
@@ -171,7 +173,7 @@ def evaluate(
     from roboscribe.stages.evaluate import Config
 
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
-        opened, where = load_with_task(directory, task, contact, timing)
+        opened, where = load_with_task(directory, task, contact, timing, horizon)
         result = evaluation(opened, Config(where, seed, episodes), report, disturb or ())
     say(f"{where.name}: success {format_success(result)} of {result['episodes']} episodes, 95 % interval")
     say(f"{result['env_steps']} control steps, {result['wall_seconds']} s")

@@ -20,7 +20,9 @@ from roboscribe.subtask_tree import ROOT
 log = logging.getLogger(__name__)
 
 
-def load_with_task(directory: Path, task: str | None, contact: str, timing: str) -> tuple[Runnable, TaskConfig]:
+def load_with_task(
+    directory: Path, task: str | None, contact: str, timing: str, horizon: int | None = None
+) -> tuple[Runnable, TaskConfig]:
     """Load a program and check that it can run on a task.
 
     Args:
@@ -28,6 +30,7 @@ def load_with_task(directory: Path, task: str | None, contact: str, timing: str)
         task: where it shall run; None is the task for which it was made.
         contact: contact model.
         timing: simulator steps per control step.
+        horizon: control steps of an episode; None is as many as when the program was made, in another task its own.
 
     Returns:
         The program, ready to run, and where.
@@ -40,7 +43,9 @@ def load_with_task(directory: Path, task: str | None, contact: str, timing: str)
     saved = load_program(directory)
     if saved.edited:
         log.warning("%s was edited since the program was saved", directory / PROGRAM)
-    where = TaskConfig(str(saved.manifest["task"]) if task is None else task, contact, timing)
+    if task is None:
+        task, horizon = str(saved.manifest["task"]), horizon or saved.horizon
+    where = TaskConfig(task, contact, timing, horizon=horizon)
     return open_saved(saved, where.make(), str(directory)), where
 
 

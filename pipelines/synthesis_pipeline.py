@@ -22,6 +22,7 @@ SPELLED = (
     "task.name",
     "task.contact",
     "task.timing",
+    "task.horizon",
     "seed",
     "profile",
     "evaluation_episodes",
@@ -40,12 +41,14 @@ class SynthesisResult:
         profile: how it was learned.
         figures: of the final evaluation.
         directory: the saved program, in the store.
+        horizon: control steps of an episode.
     """
 
     solution: Solution[ControllerFiles]
     profile: str
     figures: dict[str, Any]
     directory: Path
+    horizon: int
 
 
 def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: EventCallback) -> SynthesisResult | Fail:
@@ -64,6 +67,7 @@ def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: Eve
     profile = settled_profile(plan.profile, report["actions"], plan.demonstrations or DEMONSTRATIONS)
     tell(Ingested(report, profile))
     plan = replace(plan, training=plan.training.for_profile(profile))
+    made_by, plan = command(plan, profile), replace(plan, task=replace(plan.task, horizon=int(report["horizon"])))
     staged = StagedSteps(plan, shown, call, put, tell)
     solution = roboscribe(staged.steps(), ControllerFiles(), plan.limits)
     if isinstance(solution, Fail):
@@ -74,16 +78,15 @@ def run_pipeline(plan: SynthesisPlan, call: RunStage, put: StoreValue, tell: Eve
     evaluated = call("evaluate program", evaluate.STAGE, config, running)
     figures = read_json(evaluated / OUTCOME)
     tell(Evaluated(figures, evaluated / EPISODES))
-    confirm, made_by = plan.training.confirm, command(plan, profile)
-    about = package.Config(plan.task, profile, plan.seed, confirm, report["digest"], made_by)
+    made = package.Config(plan.task, profile, plan.seed, plan.training.confirm, report["digest"], made_by)
     inputs = {**running, "tree": staged.tree(solution.tree), "outcome": evaluated / OUTCOME}
-    directory = call("package program", package.STAGE, about, inputs) / package.DIRECTORY
+    directory = call("package program", package.STAGE, made, inputs) / package.DIRECTORY
     tell(Packaged(solution.program, solution.tree, directory))
     if plan.video:
         scene = film.Config(plan.task, plan.seed, plan.training.confirm)
         filmed = call("film program", film.STAGE, scene, running)
         tell(Filmed(next(filmed.glob("rollout.*"))))
-    return SynthesisResult(solution, profile, figures, directory)
+    return SynthesisResult(solution, profile, figures, directory, int(report["horizon"]))
 
 
 def command(plan: SynthesisPlan, profile: str | None) -> str:
@@ -102,6 +105,7 @@ def command(plan: SynthesisPlan, profile: str | None) -> str:
         ("--success", plan.limits.success, usual.limits.success),
         ("--contact", task.contact, usual.task.contact),
         ("--timing", task.timing, usual.task.timing),
+        ("--horizon", task.horizon, usual.task.horizon),
     )
     words = ["roboscribe", "synthesize", task.name, "--seed", str(plan.seed)]
     for option, value, default in options:

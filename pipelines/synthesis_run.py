@@ -155,6 +155,7 @@ class SynthesisRun:
             "task": plan.task.name,
             "seed": plan.seed,
             "profile": found.profile,
+            "horizon": found.horizon,
             "success": figures["success"],
             "episodes": figures["episodes"],
             "ci_low": figures["ci_low"],

@@ -131,9 +131,17 @@ def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> S
 
     Departs: the paper keeps every subgoal. What was learned early may have been overtaken by what was learned later.
     """
+    if not limits.undecided(found.outcome):
+        return found  # chance decides about a bad program
+    while (less := _less(found, steps, limits)) is not None:
+        found = less
+    return found
+
+
+def _less(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> Solution[Skills] | None:
+    """Take one subgoal or atom out, the latest that is not needed; what it was needed for may be next."""
     check = steps.check or steps.roll_out
-    nodes = found.tree.nodes[2:] if limits.undecided(found.outcome) else ()  # chance decides about a bad program
-    for node in reversed(nodes):
+    for node in reversed(found.tree.nodes[2:]):
         for shorter, what in _shorter(node):
             tree = found.tree.without(node.name) if shorter is None else found.tree.replacing(shorter)
             possible = possible_program(tree, steps) if len(tree.nodes) > 2 else Fail("nothing would be left")
@@ -142,9 +150,8 @@ def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> S
             outcome = check(possible.program, ROOT, found.skills)
             if outcome.rate >= min(limits.success, found.rate):
                 steps.tell(Removed(what, outcome.rate))
-                found = replace(found, program=possible.program, tree=tree, removed=(*found.removed, what))
-                break
-    return found
+                return replace(found, program=possible.program, tree=tree, removed=(*found.removed, what))
+    return None
 
 
 def _shorter(node: Node) -> Iterator[tuple[Node | None, str]]:

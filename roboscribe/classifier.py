@@ -80,12 +80,14 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     negatives = comparable
     features = _changing(enumerate_features(evidence.layout, _nameable(evidence, tree, psi)), crossings, evidence)
     found: list[Candidate] = []
-    for view, mine in _views(crossings, features, evidence, tree, psi):
-        samples = _samples(view, negatives, evidence, tree, psi, features)
+    for view, mine, known in _views(crossings, features, evidence, tree, psi):
+        samples = _samples(view, negatives, evidence, tree, psi, features, known)
+        samples = samples if view is crossings else replace(samples, otherwise=crossings.frames)
         recurring = [] if found else list(_recurring(samples, evidence, tree, psi))
         found += rank_predicates(mine, samples, recurring)
     if not any(c.possible for c in found):
-        found += learn_decision_tree(features, _samples(crossings, negatives, evidence, tree, psi, features))
+        below = tuple(tree.below(psi))
+        found += learn_decision_tree(features, _samples(crossings, negatives, evidence, tree, psi, features, below))
     table = tuple(sorted((c for c in found if c.possible), key=lambda c: c.rank))
     if not table:
         return Fail(
@@ -108,29 +110,32 @@ def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evide
 
 def _views(
     crossings: Crossings, features: Sequence[Feature], evidence: Evidence, tree: Tree, psi: str
-) -> Iterator[tuple[Crossings, list[Feature]]]:
-    """Say on which part of the demonstrations each feature is to be judged.
+) -> Iterator[tuple[Crossings, list[Feature], tuple[Node, ...]]]:
+    """Say on which part of the demonstrations each feature is to be judged, and which subgoals it must not repeat.
 
     Within a loop, what is not about the entity that it serves is brought about once, before or while the first one is
-    served. After a loop, what speaks of no entity by name is brought about by leaving, so it is judged from there.
+    served. After a loop, what speaks of no entity by name is brought about by leaving, so it is judged from where all
+    that comes before is done; to be far from every block is no copy of having been near to each.
     """
     loop = tree.loop_around(psi)
     once = [f for f in features if loop is not None and free_vars(f.term) and _named(f) and loop.role not in _named(f)]
+    before = tree.predecessors(psi) if psi == ROOT else ()
     done = [
         crossings.first_steps(n.completed(evidence.types), evidence.layout, evidence.solved)
-        for n in tree.predecessors(psi)
-        if n.circular and psi == ROOT
+        for n in before
+        if any(each.circular for each in before)
     ]
     late = evidence.cut(crossings, np.max(done, axis=0)) if done else crossings
     left = (
         [f for f in features if not _named(f)] if done and len(late.starts) >= AGREEMENT * len(crossings.starts) else []
     )
-    yield crossings, [f for f in features if f not in once and f not in left]
+    below = tuple(tree.below(psi))
+    yield crossings, [f for f in features if f not in once and f not in left], below
     if once:
         first = np.array([0 if p.begin == 0 else len(crossings.frames) for p in crossings.passages], dtype=np.int64)
-        yield evidence.cut(crossings, first), once
+        yield evidence.cut(crossings, first), once, below
     if left:
-        yield late, left
+        yield late, left, before
 
 
 def _named(feature: Feature) -> set[str]:
@@ -232,10 +237,12 @@ def _samples(
     tree: Tree,
     psi: str,
     features: tuple[Feature, ...],
+    known: Sequence[Node],
 ) -> Samples:
-    chain = tuple(tree.below(psi))
+    """Gather what predicates are judged on; `known` are the subgoals before ψ that they must not repeat."""
+    nodes = (*tree.above(psi), *known)
     steps: dict[frozenset[str], tuple[IntArray, ...]] = {}
-    for node in chain:
+    for node in tree.below(psi):
         about = frozenset(node.entities)
         first = crossings.first_steps(node.lifted(evidence.types), evidence.layout, evidence.solved)
         steps[about] = (*steps.get(about, ()), first)
@@ -247,9 +254,10 @@ def _samples(
         negatives,
         crossings.frames,
         crossings.starts,
-        len(features),
-        steps,
-        known=_compared(features, (*tree.above(psi), *chain), evidence),
+        choices=len(features),
+        steps=steps,
+        known=_compared(features, nodes, evidence),
+        restored=_compared(features, [n for n in nodes if n.name != ROOT and evidence.restores(n.predicate)], evidence),
         goal_entities=_at_stake(evidence, tree, psi),
         elsewhere=tuple(_elsewhere(crossings, evidence, tree, psi)),
         root=psi == ROOT,

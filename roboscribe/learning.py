@@ -12,6 +12,7 @@ from roboscribe.controllers import Library
 from roboscribe.defaults import EVALUATION_EPISODES, ROLLOUT_EPISODES
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
+from roboscribe.episode_length import episode_length
 from roboscribe.errors import Fail
 from roboscribe.evaluation import episode_seeds, measure, waves
 from roboscribe.evidence import Evidence
@@ -72,8 +73,10 @@ def synthesize(
     screened = screen(where, shown)
     if isinstance(screened, Fail):
         return screened
-    for line in screened.report:
+    horizon, slow = episode_length(where, screened.kept)
+    for line in (*screened.report, *([slow] if slow else ())):
         tell(line)
+    where = where.lasting(horizon)
     chosen = settled_profile(profile, all(each.actions is not None for each in screened.kept), "demonstrations")
     settings = (training or TrainConfig()).for_profile(chosen)
     evidence = Evidence.of(screened.kept, where.solved)
@@ -87,6 +90,7 @@ def synthesize(
     tell(str(evaluation))
     manifest: dict[str, Json] = {
         "task": name,
+        "horizon": horizon,
         "profile": chosen,
         "seed": seed,
         "confirm": settings.confirm,

@@ -173,6 +173,8 @@ def load(program: str | Path, task: Task | str | None = None) -> Policy:
     with program_directory(program) as directory:
         saved = load_program(directory)
         where = task_named(str(saved.manifest["task"]) if task is None else task)
+        if task is None and saved.horizon is not None:
+            where = where.lasting(saved.horizon)
         return Policy(open_saved(saved, where, str(directory)), where)
 
 

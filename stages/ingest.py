@@ -6,6 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from roboscribe.episode_length import episode_length
 from roboscribe.errors import Fail
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.validation import screen
@@ -44,6 +45,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         write_fail(out, screened)
         return
     kept = screened.kept
+    horizon, slow = episode_length(task, kept) if config.task.horizon is None else (config.task.horizon, "")
     origin = f"kept of {found.digest}"
     write_demonstrations(
         out / DEMONSTRATIONS, task.name, task.layout, task.frequency, kept, generator=origin, seed=None
@@ -55,8 +57,9 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
             "episodes": len(found.trajectories),
             "kept": len(kept),
             "frames": sum(len(trajectory) for trajectory in kept),
+            "horizon": horizon,
             "actions": all(trajectory.actions is not None for trajectory in kept),
-            "report": [*found.report, *screened.report],
+            "report": [*found.report, *screened.report, *([f"{slow} (--horizon sets it)"] if slow else ())],
         },
     )
 

@@ -57,6 +57,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         "task": config.task.name,
         "contact": config.task.contact,
         "timing": config.task.timing,
+        "horizon": task.horizon,
         "profile": config.profile,
         "seed": config.seed,
         "confirm": config.confirm,

@@ -64,6 +64,9 @@ def synthesize(
     timing: Annotated[
         str | None, typer.Option(help="simulator: fast (10 x 4 ms) or faithful (20 x 2 ms); default fast")
     ] = None,
+    horizon: Annotated[
+        int | None, typer.Option(min=1, help="control steps of an episode; left out: as many as demonstrations need")
+    ] = None,
     config: Annotated[Path | None, typer.Option("--config", help="settings in TOML; options go before them")] = None,
     settings: Annotated[list[str] | None, typer.Option("--set", help=SET_HELP, metavar="NAME=VALUE")] = None,
     register: Annotated[
@@ -74,7 +77,7 @@ def synthesize(
 ) -> None:
     """Find a program that solves a task, from demonstrations; the same command goes on where it was interrupted."""
     given = {
-        "task": {"name": task, "contact": contact, "timing": timing},
+        "task": {"name": task, "contact": contact, "timing": timing, "horizon": horizon},
         "seed": seed,
         "profile": profile,
         "demonstrations": demos,

@@ -71,6 +71,11 @@ class SavedProgram:
     manifest: Mapping[str, Json]
     edited: bool = False
 
+    @property
+    def horizon(self) -> int | None:
+        """Control steps of the episodes for which it was made; None where the manifest does not say, as older ones."""
+        return int(str(self.manifest["horizon"])) if "horizon" in self.manifest else None
+
 
 def save_program(directory: Path, program: SavedProgram) -> None:
     """Write a program's four files, the controllers first and the manifest last.

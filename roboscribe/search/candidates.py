@@ -79,9 +79,11 @@ class Samples:
         negatives: (M, F), N_s.
         frames: (S, F), the crossings from takeover to the first frame of ψ, one after the other.
         starts: (C,), where each crossing begins in `frames`.
+        otherwise: (O, F), what is shown besides: of a part that is cut out, the whole shows what values are usual.
         choices: how many expressions were on offer.
         steps: per set of named entities, when (C,) each subgoal about them that is there already first holds.
         known: what the goal and the subgoals before it compare already, see `is_copy`.
+        restored: the same of those subgoals that restore what held at first.
         goal_entities: entities that the goal mentions by name.
         elsewhere: of each other branch, what it moves that the goal does not mention, and when (C,) it is done.
         root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
@@ -95,9 +97,11 @@ class Samples:
     negatives: FloatArray
     frames: FloatArray
     starts: IntArray
+    otherwise: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
     choices: int = 2
     steps: Mapping[frozenset[str], tuple[IntArray, ...]] = field(default_factory=dict)
     known: Mapping[str, int] = field(default_factory=dict)
+    restored: Mapping[str, int] = field(default_factory=dict)
     goal_entities: frozenset[str] = frozenset()
     elsewhere: tuple[tuple[frozenset[str], IntArray], ...] = ()
     root: bool = True
@@ -115,7 +119,7 @@ class Candidate:
         kept: share of the frames after φ first held, up to the goal, on which it holds.
         first: where in a crossing φ first holds, median, 0 start to 1 goal.
         copy: whether φ compares what the goal or a subgoal before it compares, with another threshold; that explains
-            nothing, but where it restores what an earlier subgoal undid.
+            nothing, but where it is the first to restore what an earlier subgoal undid.
         relevant: whether φ mentions every entity that the goal mentions, and no branch elsewhere brings it about.
         advances: whether φ is brought about on the way, always after or always before each subgoal that is there.
         margin: distance from the threshold to the nearest rejected negative, in spreads.
@@ -299,7 +303,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         initial=float(np.mean(first == 0)),
         kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
         first=way,
-        copy=not restores and any(is_copy(f, samples.known) for f in it.features),
+        copy=any(is_copy(f, samples.restored if restores else samples.known) for f in it.features),
         relevant=samples.goal_entities <= names and not _done_elsewhere(names, first, samples),
         advances=_advances(first, lengths, samples.steps.get(names, ()))
         and (samples.root or bool(np.median(lengths - 1 - first) > 0)),

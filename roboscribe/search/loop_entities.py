@@ -18,7 +18,8 @@ from roboscribe.world.trajectory import AGREEMENT
 STILL = 0.01
 """Share of the range of its initial values by which a number may change that counts as lasting: sensors are noisy."""
 MOST_CUTS = 15
-"""Thresholds that are tried for one number; where more would tell entities apart, as many evenly spread ones."""
+"""Thresholds that are tried for one number; where more would tell entities apart, as many evenly spread ones, and as
+many in the widest gaps: kinds that differ leave one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,7 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
     ends = values[:, pairs.lasts]
     for feature, initial in readings:
         sides = [(s, c) for c in _cuts(initial) for s in (1.0, -1.0)]
-        best = max(sides, key=lambda side: _parted(ends, side[0] * initial < side[0] * side[1]), default=None)
+        best = max(sides, key=lambda side: _parts(ends, side[0] * initial < side[0] * side[1]), default=None)
         if best is None:
             continue
         sign, cut = best
@@ -109,8 +110,16 @@ def _cuts(values: FloatArray) -> list[float]:
     """Thresholds between different values."""
     levels = np.unique(values)
     between = (levels[1:] + levels[:-1]) / 2
-    picked = between[np.unique(np.linspace(0, len(between) - 1, MOST_CUTS).astype(int))] if len(between) else between
+    widest = np.argsort(-np.diff(levels), kind="stable")[:MOST_CUTS]
+    spread = np.linspace(0, len(between) - 1, MOST_CUTS).astype(int)
+    picked = between[np.union1d(widest, spread)] if len(between) else between
     return [float(f"{cut:.3g}") for cut in picked]
+
+
+def _parts(ends: FloatArray, chosen: BoolArray) -> tuple[bool, float]:
+    """Rank how well entities are parted: without exception before with a few, then by the width of the gap."""
+    gap = _parted(ends, chosen)
+    return gap > 0.0 and bool(ends[~chosen].min() > ends[chosen].max()), gap
 
 
 def _parted(ends: FloatArray, chosen: BoolArray) -> float:

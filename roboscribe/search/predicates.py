@@ -71,7 +71,8 @@ def rank_predicates(
     small = [judge(atom.judged(), samples) for atom in atoms] + list(_anchored(atoms, samples))
     lifted = {c.family for c in recurring}
     small = [c for c in small if c.family not in lifted]
-    table = sorted([*_one_per_family(small), *_one_per_family(recurring)], key=lambda c: c.rank)
+    loops = [c for side in _sidedness(recurring, features) for c in _one_per_family(side)]
+    table = sorted([*_one_per_family(small), *loops], key=lambda c: c.rank)
     if not any(c.explains for c in table):
         passing = [judge(atom.judged(), samples) for atom in _passing(features, samples)]
         table = sorted([*table, *_one_per_family(passing)], key=lambda c: c.rank)
@@ -145,9 +146,9 @@ def _passing(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
 
 def _sides(features: Sequence[Feature], samples: Samples) -> Iterator[tuple[Feature, _Values, float]]:
     """Yield each feature, and its values in all samples, twice: to lie below, and turned round to lie above."""
-    sets = (samples.before, samples.reached, samples.lasts, samples.negatives, samples.frames)
+    sets = (samples.before, samples.reached, samples.lasts, samples.negatives, samples.frames, samples.otherwise)
     for feature in features:
-        values = _Values(*(feature.values(states, samples.layout) for states in sets))
+        values = _Values(*(feature.values(s, samples.layout) if len(s) else np.empty(0) for s in sets))
         if values.finite:
             yield from ((feature, values.towards(sign), sign) for sign in (1.0, -1.0))
 
@@ -161,6 +162,7 @@ class _Values:
     lasts: FloatArray
     negatives: FloatArray
     frames: FloatArray
+    otherwise: FloatArray
 
     @property
     def finite(self) -> bool:
@@ -183,7 +185,7 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     spread = float(np.std(np.concatenate([neg, pos])))
     if spread == 0.0:
         return None
-    usual = usual_range(np.concatenate([pos, neg, values.frames]), ball(feature, sign))
+    usual = usual_range(np.concatenate([pos, neg, values.frames, values.otherwise]), ball(feature, sign))
     threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
@@ -324,6 +326,17 @@ def _rounded_up(value: float, digits: int) -> float:
         return 1e-6
     unit = 10.0 ** (np.floor(np.log10(abs(value))) - digits + 1)
     return float(f"{np.ceil(value / unit) * unit:.{digits}g}")
+
+
+def _sidedness(candidates: Sequence[Candidate], features: Sequence[Feature]) -> tuple[list[Candidate], list[Candidate]]:
+    """Part what bounds the length of a single number, on either side of its goal, from all else.
+
+    Who only ever comes from one side does not show whether the other side would do.
+    """
+    wide = {feature.family for feature in features if feature.detail > 1}
+    single = {f.term for f in features if isinstance(f.term, Norm) and f.family not in wide}
+    either = [c for c in candidates if not single.isdisjoint(walk(c.predicate))]
+    return [c for c in candidates if c not in either], either
 
 
 def _one_per_family(candidates: Iterable[Candidate]) -> list[Candidate]:

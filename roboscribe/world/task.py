@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from copy import copy
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +86,12 @@ class Task(ABC):
     def light(self) -> Task:
         """The same task in a lighter simulator, to learn in: same states, about the same motions; else itself."""
         return self
+
+    def lasting(self, horizon: int) -> Self:
+        """Return the same task with episodes of so many control steps."""
+        other = copy(self)
+        object.__setattr__(other, "horizon", horizon)  # tasks are mostly frozen
+        return other
 
     @property
     @abstractmethod

@@ -25,12 +25,14 @@ class TaskConfig:
         contact: contact model.
         timing: simulator steps per control step.
         light: in its lighter simulator, where it has one, see `Task.light`.
+        horizon: control steps of an episode; None is the task's own.
     """
 
     name: str
     contact: str = "stable"
     timing: str = "fast"
     light: bool = False
+    horizon: int | None = None
 
     def make(self) -> Task:
         """Build the task.
@@ -39,7 +41,8 @@ class TaskConfig:
             TaskError: there is no such task or option.
         """
         task = make_task(self.name, contact=self.contact, timing=self.timing)
-        return task.light if self.light else task
+        task = task.light if self.light else task
+        return task if self.horizon is None else task.lasting(self.horizon)
 
     def code(self) -> str:
         """Return the version of the task's code, wherever it lies: results of a task that was changed are stale."""

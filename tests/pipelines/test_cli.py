@@ -59,7 +59,7 @@ def test_synthesize_from_a_file(command: Command, tmp_path: Path, capsys: pytest
     assert command("synthesize", TASK, *given, "--json", report) == 0
     result = json.loads(report.read_text())
     assert set(result) == {
-        "task", "seed", "profile", "success", "episodes", "ci_low", "ci_high", "refinements", "env_steps",
+        "task", "seed", "profile", "horizon", "success", "episodes", "ci_low", "ci_high", "refinements", "env_steps",
         "evaluation_steps", "wall_seconds", "program", "tree", "program_dir", "mlflow_run_id",
     }  # fmt: skip
     assert (result["task"], result["seed"], result["profile"]) == (TASK, 0, "scripted")
