@@ -139,6 +139,7 @@ class BaselineStages:
         if recipe.actions and not report["actions"]:
             msg = f"{plan.demonstrations}: found no actions, expected them for {plan.method}"
             raise DemonstrationError(msg)
+        self.plan = replace(plan, task=replace(plan.task, horizon=int(report["horizon"])))
         self.shown, self.digest = path, str(report["digest"])
         self.tell(Ingested(report, recipe.profile))
 

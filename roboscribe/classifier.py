@@ -80,14 +80,13 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     negatives = comparable
     features = _changing(enumerate_features(evidence.layout, _nameable(evidence, tree, psi)), crossings, evidence)
     found: list[Candidate] = []
-    for view, mine, known in _views(crossings, features, evidence, tree, psi):
-        samples = _samples(view, negatives, evidence, tree, psi, features, known)
-        samples = samples if view is crossings else replace(samples, otherwise=crossings.frames)
+    for view in _views(crossings, features, evidence, tree, psi):
+        samples = _samples(view, negatives, evidence, tree, psi, features)
         recurring = [] if found else list(_recurring(samples, evidence, tree, psi))
-        found += rank_predicates(mine, samples, recurring)
+        found += rank_predicates(view.features, samples, recurring)
     if not any(c.possible for c in found):
-        below = tuple(tree.below(psi))
-        found += learn_decision_tree(features, _samples(crossings, negatives, evidence, tree, psi, features, below))
+        whole = View(crossings, features, tuple(tree.below(psi)))
+        found += learn_decision_tree(features, _samples(whole, negatives, evidence, tree, psi, features))
     table = tuple(sorted((c for c in found if c.possible), key=lambda c: c.rank))
     if not table:
         return Fail(
@@ -108,16 +107,35 @@ def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evide
     )
 
 
+@dataclass(frozen=True, eq=False)
+class View:
+    """A part of the demonstrations on which some features are judged.
+
+    Args:
+        crossings: the part.
+        features: what is judged on it.
+        known: subgoals that must not be repeated.
+        whole: what it was cut out of, if it was.
+        after_loop: whether it begins when a loop has dealt with its entities.
+    """
+
+    crossings: Crossings
+    features: Sequence[Feature]
+    known: tuple[Node, ...]
+    whole: Crossings | None = None
+    after_loop: bool = False
+
+
 def _views(
     crossings: Crossings, features: Sequence[Feature], evidence: Evidence, tree: Tree, psi: str
-) -> Iterator[tuple[Crossings, list[Feature], tuple[Node, ...]]]:
+) -> Iterator[View]:
     """Say on which part of the demonstrations each feature is to be judged, and which subgoals it must not repeat.
 
     Within a loop, what is not about the entity that it serves is brought about once, before or while the first one is
     served. After a loop, what speaks of no entity by name is brought about by leaving, so it is judged from where all
     that comes before is done; to be far from every block is no copy of having been near to each.
     """
-    loop = tree.loop_around(psi)
+    loop, below = tree.loop_around(psi), tuple(tree.below(psi))
     once = [f for f in features if loop is not None and free_vars(f.term) and _named(f) and loop.role not in _named(f)]
     before = tree.predecessors(psi) if psi == ROOT else ()
     done = [
@@ -126,16 +144,14 @@ def _views(
         if any(each.circular for each in before)
     ]
     late = evidence.cut(crossings, np.max(done, axis=0)) if done else crossings
-    left = (
-        [f for f in features if not _named(f)] if done and len(late.starts) >= AGREEMENT * len(crossings.starts) else []
-    )
-    below = tuple(tree.below(psi))
-    yield crossings, [f for f in features if f not in once and f not in left], below
+    seen = bool(done) and len(late.starts) >= AGREEMENT * len(crossings.starts)
+    left = [f for f in features if seen and not _named(f)]
+    yield View(crossings, [f for f in features if f not in once and f not in left], below)
     if once:
         first = np.array([0 if p.begin == 0 else len(crossings.frames) for p in crossings.passages], dtype=np.int64)
-        yield evidence.cut(crossings, first), once, below
+        yield View(evidence.cut(crossings, first), once, below, crossings)
     if left:
-        yield late, left, before
+        yield View(late, left, before, crossings, after_loop=True)
 
 
 def _named(feature: Feature) -> set[str]:
@@ -231,16 +247,10 @@ def _nameable(evidence: Evidence, tree: Tree, psi: str) -> list[str]:
 
 
 def _samples(
-    crossings: Crossings,
-    negatives: FloatArray,
-    evidence: Evidence,
-    tree: Tree,
-    psi: str,
-    features: tuple[Feature, ...],
-    known: Sequence[Node],
+    view: View, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str, features: Sequence[Feature]
 ) -> Samples:
-    """Gather what predicates are judged on; `known` are the subgoals before ψ that they must not repeat."""
-    nodes = (*tree.above(psi), *known)
+    """Gather what predicates are judged on; `features` are all on offer."""
+    crossings, nodes = view.crossings, (*tree.above(psi), *view.known)
     steps: dict[frozenset[str], tuple[IntArray, ...]] = {}
     for node in tree.below(psi):
         about = frozenset(node.entities)
@@ -254,6 +264,7 @@ def _samples(
         negatives,
         crossings.frames,
         crossings.starts,
+        otherwise=crossings.frames[:0] if view.whole is None else view.whole.frames,
         choices=len(features),
         steps=steps,
         known=_compared(features, nodes, evidence),
@@ -261,6 +272,7 @@ def _samples(
         goal_entities=_at_stake(evidence, tree, psi),
         elsewhere=tuple(_elsewhere(crossings, evidence, tree, psi)),
         root=psi == ROOT,
+        after_loop=view.after_loop,
         anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
 

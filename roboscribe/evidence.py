@@ -169,14 +169,15 @@ class Evidence:
         return tuple(found)
 
     def _after_loops(self, tree: Tree, name: str) -> IntArray:
-        """Step at which each demonstration turns to a node, (D,); if it names nobody, when the loops before it end.
+        """Step at which each demonstration turns to a node, (D,); if it names nobody, when all before it is done.
 
         What is said of no entity by name may be true by chance while a loop is under way.
         """
         begins = np.zeros(len(self.trajectories), dtype=np.int64)
         if name == ROOT or free_vars(tree.node(name).predicate):
             return begins
-        for node in (n for n in tree.predecessors(name) if n.circular):
+        before = tree.predecessors(name) if any(node.circular for node in tree.below(name)) else ()
+        for node in before:
             over = self.first_steps(node.completed(self.types))
             begins = np.maximum(begins, np.where(over == NEVER, 0, over))
         return begins
@@ -247,9 +248,17 @@ class Evidence:
         return self.states[rows]
 
     def edge_steps(self, tree: Tree, phi: Node, psi: str) -> tuple[IntArray, IntArray]:
-        """Return when φ and when ψ first hold in each crossing into ψ, as VALIDATE compares them; (C,) each."""
+        """Return when φ and when ψ first hold in each crossing into ψ, as VALIDATE compares them; (C,) each.
+
+        What was done when a demonstration turned to ψ comes before it, even if it has been undone: a drawer that was
+        opened is shut when the hand leaves.
+        """
         crossings = self.crossings(tree, psi)
         first = crossings.first_steps(phi.lifted(self.types), self.layout, self.solved)
+        if tree.loop_around(psi) is None:
+            over = self.first_steps(phi.completed(self.types))
+            turned = [over[p.demonstration] <= p.begin for p in crossings.passages]
+            first = np.where(turned, 0, first)
         return first, crossings.lengths - 1
 
 

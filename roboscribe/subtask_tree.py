@@ -152,7 +152,8 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
     Departs: the edge True → ψ is removed once ψ has a learned predecessor, for True is then reached through it. A φ
         about the entities of a predecessor stands before or after it, whichever the demonstrations show; φ is
         circular from the start where several entities satisfy it, and takes a predecessor's loop over. What a loop
-        needs but does not do for each of its entities precedes the loop.
+        needs but does not do for each of its entities precedes the loop; what names no entity, as leaving them all,
+        comes after it and after all else that is there.
     """
     place = place or Place()
     loop = tree.loop_around(psi)
@@ -164,6 +165,9 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
         single = tuple(replace(n, circular=False) if n.name == phi.name else n for n in nodes)
         return Tree(single, (*inserted, (phi.name, place.before)))
     kept = tuple(edge for edge in tree.edges if edge != (TRUE, psi))
+    if not free_vars(phi.predicate) and any(old.circular for old in tree.predecessors(psi)):
+        after_all = tuple((a, phi.name) if b == psi else (a, b) for a, b in kept)
+        return Tree(nodes, (*after_all, (phi.name, psi)))
     for old in tree.predecessors(psi):
         if _alike(old, phi) and not place.apart:
             plain = replace(old, circular=False) if phi.circular else old
@@ -174,11 +178,11 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
 
 
 def _alike(old: Node, phi: Node) -> bool:
-    """Whether φ is about the entities of a predecessor; after a loop, what speaks of no entity by name is, too."""
+    """Whether φ is about the entities of a predecessor."""
     mine = set(free_vars(phi.predicate))
     if phi.circular and old.circular:
         return phi.role == old.role
-    return mine == set(free_vars(old.predicate)) or (old.circular and (not mine or old.role in mine))
+    return mine == set(free_vars(old.predicate)) or (old.circular and old.role in mine)
 
 
 def validate(tree: Tree, first_steps: Callable[[Node, str], tuple[IntArray, IntArray]]) -> Fail | None:

@@ -158,6 +158,7 @@ def _save(config: Config, policy: Policy, taken: Mapping[str, Json], directory: 
         "task": config.task.name,
         "contact": config.task.contact,
         "timing": config.task.timing,
+        "horizon": config.task.make().horizon,
         "method": config.method,
         "profile": recipe.profile,
         "given": asdict(recipe),

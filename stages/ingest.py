@@ -59,7 +59,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
             "frames": sum(len(trajectory) for trajectory in kept),
             "horizon": horizon,
             "actions": all(trajectory.actions is not None for trajectory in kept),
-            "report": [*found.report, *screened.report, *([f"{slow} (--horizon sets it)"] if slow else ())],
+            "report": [*found.report, *screened.report, *([slow] if slow else ())],
         },
     )
 

@@ -87,6 +87,7 @@ class Samples:
         goal_entities: entities that the goal mentions by name.
         elsewhere: of each other branch, what it moves that the goal does not mention, and when (C,) it is done.
         root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
+        after_loop: whether a loop has dealt with the entities of which φ may speak, all of them at once.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
     """
 
@@ -105,6 +106,7 @@ class Samples:
     goal_entities: frozenset[str] = frozenset()
     elsewhere: tuple[tuple[frozenset[str], IntArray], ...] = ()
     root: bool = True
+    after_loop: bool = False
     anchors: tuple[Anchor, ...] = ()
 
 
@@ -129,7 +131,7 @@ class Candidate:
         size: nodes of φ.
         family: objects and attributes that φ compares.
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
-            what is about the robot. Without predecessors 0.
+            what is about the robot; 2 for what is said of entities with all of which a loop has dealt. Else 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
         with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
             move that one.
@@ -315,8 +317,15 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         comes_with_it=not samples.root and way > LATE and not (of_robot and it.anchor is None),
-        standing=int(bool(samples.anchors) and of_robot),
+        standing=_standing(names, samples, of_robot=of_robot),
     )
+
+
+def _standing(names: frozenset[str], samples: Samples, *, of_robot: bool) -> int:
+    """Say how likely what φ is about comes next, see `Candidate`."""
+    if samples.after_loop and not names and not of_robot:
+        return 2
+    return int(bool(samples.anchors) and of_robot)
 
 
 def _advances(first: IntArray, lengths: IntArray, others: Sequence[IntArray]) -> bool:
