@@ -136,6 +136,16 @@ def test_a_subgoal_that_does_not_help_is_removed() -> None:
     assert story.told[-1] == Removed("at", 1.0)
 
 
+def test_what_only_led_to_a_removed_subgoal_is_removed_too() -> None:
+    """The first was needed for the second only; without that one neither is missed."""
+    third = replace(OTHER, name="third")
+    rates = {("at", "at"): 20, ("other", "at other"): 20, ("third", "at other third"): 20, **root(20, "at other third")}
+    story = Story({**rates, **root(20, "at third"), **root(20, "third")}, {ROOT: [AT1, OTHER, third]})
+    answer = solved(story)
+    assert names(answer.tree) == ["third"]
+    assert answer.removed == ("other", "at")
+
+
 def test_a_subgoal_without_which_less_is_solved_stays() -> None:
     answer = solved(Story({**TWO_STEPS, **root(18, "other"), **root(18, "at")}, {ROOT: [AT1, OTHER]}))
     assert answer.removed == ()

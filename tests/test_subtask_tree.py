@@ -125,6 +125,13 @@ def test_what_a_loop_needs_of_nobody_in_particular_stays_within() -> None:
     assert set(tree.edges) == edges(("phi", "hold", "at"))
 
 
+def test_what_names_no_entity_comes_after_a_loop_and_after_all_else() -> None:
+    leave, shut = node("leave", "¬∃b':block. ‖μ↓xz − b'↓xz‖ < 0.2"), node("shut", "d1↓opening < 0.1")
+    tree = update_tree(update_tree(chain(LOOP1), shut, ROOT, Place(apart=True)), leave, ROOT)
+    assert set(tree.edges) == edges(("at", "leave"), ("shut", "leave"))
+    assert tree.predecessors(ROOT) == (leave,)
+
+
 def test_a_loop_is_around_what_leads_to_it_about_its_entity() -> None:
     tree = chain(HOLD1, LOOP1)
     for name in ("hold", "at"):

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from roboscribe.dsl.parser import parse_predicate
-from roboscribe.dsl.syntax import Truth
+from roboscribe.dsl.rewrite import walk
+from roboscribe.dsl.syntax import Const, Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.loop_entities import Pairs
@@ -18,13 +19,13 @@ DEMONSTRATIONS, LENGTH = 20, 40
 P, S = (tuple(THREE.columns[i, name, False].start for i in range(3)) for name in ("p", "s"))
 
 
-def found(red: list[list[bool]], served: list[list[bool]]) -> dict[str, Candidate]:
+def found(red: list[list[bool]], served: list[list[bool]], noise: float = 0.0) -> dict[str, Candidate]:
     """Find what recurs with p where `served` says which blocks are brought to it, and s says which are red."""
     rng = np.random.default_rng(3)
     states = rng.uniform(0.5, 1.0, (DEMONSTRATIONS, LENGTH, THREE.size))
     for d in range(DEMONSTRATIONS):
         for i in range(3):
-            states[d, :, S[i]] = 0.9 if red[d % len(red)][i] else 0.1
+            states[d, :, S[i]] = (0.9 if red[d % len(red)][i] else 0.1) + rng.uniform(-noise, noise)
             if served[d % len(served)][i]:
                 states[d, 8 * (i + 1) :, P[i]] = rng.uniform(0.0, 0.02)
     negatives = rng.uniform(0.5, 1.0, (500, THREE.size))
@@ -43,6 +44,13 @@ def test_a_loop_may_be_about_the_red_ones() -> None:
     assert loop.only == parse_predicate("b1↓s > 0.5")
     assert loop.possible
     assert loop.each
+
+
+def test_kinds_are_parted_in_the_gap_between_them() -> None:
+    """Of sixty numbers, all different, evenly spread cuts would part some reds from the others."""
+    loop = next(iter(found(RED, RED, noise=0.09).values()))
+    (cut,) = [n.value for n in walk(loop.only) if isinstance(n, Const)]
+    assert 0.25 < cut < 0.75
 
 
 def test_where_all_are_served_a_loop_is_about_all() -> None:

@@ -202,3 +202,61 @@ def test_what_stands_at_its_threshold_when_the_goal_is_reached_says_as_much_as_w
     table = rank_predicates(FEATURES, samples(positives, negatives, lasts=lasts))
     (found,) = [c for c in table if gauges(c) == {"p"}]
     assert found.possible == (last < 0.7)
+
+
+@pytest.mark.parametrize(("accidents", "left_out"), [(1, True), (2, True), (3, False)])
+def test_a_threshold_leaves_out_what_a_twentieth_did_by_accident(accidents: int, left_out: bool) -> None:
+    """Of forty that were served, few are brushed far aside again."""
+    pos = np.concatenate([np.linspace(0.0, 0.01, 40 - accidents), np.full(accidents, 0.12)])
+    threshold, _ = bound(pos, np.linspace(0.3, 1.0, 100), 0.3, 1.0)
+    assert (threshold < 0.05) == left_out
+
+
+def test_a_tail_is_no_accident() -> None:
+    pos = np.random.default_rng(0).exponential(0.01, 40)
+    threshold, _ = bound(pos, np.linspace(0.3, 1.0, 100), 0.3, 1.0)
+    assert threshold > pos.max()
+
+
+def touching(before: float) -> tuple[Candidate, ...]:
+    """Rank what leads to a subgoal that comes about as soon as p falls below 0.1, from `before` in one step."""
+    rng = np.random.default_rng(9)
+    ways = [np.append(np.linspace(1.0, before * (1 + 0.2 * rng.random()), 10), 0.02) for _ in range(20)]
+    episodes = []
+    for way in ways:
+        states = np.full((11, 5), 0.5)
+        states[:, P] = way
+        episodes.append(states)
+    failures = np.full((500, 5), 0.5)
+    failures[:, P] = rng.uniform(0.5, 1.0, 500)
+    before_it, reached = (np.stack([e[i] for e in episodes]) for i in (-2, -1))
+    given = samples(before_it, failures, reached=reached, episodes=tuple(episodes))
+    return rank_predicates(FEATURES, replace(given, root=False))
+
+
+def test_what_comes_to_hold_with_its_goal_is_offered_as_it_is_right_before() -> None:
+    best = touching(0.2)[0]
+    assert best.explains
+    assert gauges(best) == {"p"}
+    (threshold,) = [n.value for n in walk(best.predicate) if isinstance(n, Const)]
+    assert 0.2 < threshold < 0.5
+
+
+def test_of_two_atoms_neither_follows_from_the_other() -> None:
+    rng = np.random.default_rng(11)
+    positives, negatives = (random_states(rng, n) for n in (200, 2000))
+    positives[:, [1, 2, 3]] = rng.uniform(0.0, 0.3, (200, 3))
+    for states in (positives, negatives):
+        states[:, 2] = states[:, 1] / 2  # q says what p says
+    pairs = [c for c in rank_predicates(FEATURES, samples(positives, negatives)) if len(conjuncts(c.predicate)) == 2]
+    assert pairs
+    assert all(gauges(c) != {"p", "q"} for c in pairs)
+
+
+def test_a_loop_over_one_number_is_offered_with_one_side_bounded_and_with_both() -> None:
+    positives, negatives = planted(parse_predicate("b1↓p < 0.1"), np.random.default_rng(12))
+    whole = Feature(Norm(Proj(Var("b1"), "p")), family="b1.p")
+    one = next(c for c in rank_predicates(FEATURES, samples(positives, negatives)) if gauges(c) == {"p"})
+    loops = [replace(one, each=True), replace(one, each=True, predicate=whole.below(0.1))]
+    table = rank_predicates((*FEATURES, whole), samples(positives, negatives), loops)
+    assert {c.predicate for c in table if c.each} == {c.predicate for c in loops}
