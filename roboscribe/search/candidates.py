@@ -45,6 +45,9 @@ OFTEN = 0.1
 """Share of the crossings beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
 """Shares of frames on which a predicate is lost again that count as equally well maintained."""
+LEAST_KEPT = 0.5
+"""Share of the frames up to the goal on which a subgoal has to hold on: what is mostly lost again is passed by, and a
+program that waits for it goes back."""
 MOST_INITIAL = 0.5
 """Share of the crossings that may begin with a predicate satisfied: more often than not it has to be brought about."""
 
@@ -169,8 +172,9 @@ class Candidate:
 
     @property
     def possible(self) -> bool:
-        """Whether it can be a subgoal: it separates, is brought about on the way and says something new."""
-        return self.separates and self.advances and self.informative and not self.copy
+        """Whether it can be a subgoal: it separates, is brought about on the way, lasts, and says something new."""
+        lasts = self.kept >= LEAST_KEPT
+        return self.separates and self.advances and lasts and self.informative and not self.copy
 
     @property
     def explains(self) -> bool:
