@@ -89,6 +89,8 @@ class Task(ABC):
 
     def lasting(self, horizon: int) -> Self:
         """Return the same task with episodes of so many control steps."""
+        if horizon == self.horizon:
+            return self
         other = copy(self)
         object.__setattr__(other, "horizon", horizon)  # tasks are mostly frozen
         return other
