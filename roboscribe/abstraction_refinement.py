@@ -65,7 +65,7 @@ def synthesize(
         precedes ψ, it is compared with the attempt on ψ_R itself: an attempt on ψ that was cloned reaches most of
         what leads to ψ even where it fails, and would teach muddled predicates. A subgoal that is reached in half of
         the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
-        ψ_R, and ψ_R decides; the latter are trained once more before, and given up where they are never reached. What
+        ψ_R, and ψ_R decides; the latter are trained on before, and given up where they are never reached. What
         a loop is to bring about for every entity is not attempted before something precedes it: the attempt on ψ_R has
         shown that it does not come about by itself.
     """
@@ -96,19 +96,23 @@ def synthesize(
 def _unexplained(
     psi: str, found: Solution[Skills], why: Fail, line: Line[Skills], *, tried: bool
 ) -> Solution[Skills] | Fail:
-    """Take a subgoal whose failures nothing explains as it is, unless it is never reached, even trained once more.
+    """Take a subgoal whose failures nothing explains as it is, unless it is never reached, however often trained.
 
-    One that was `tried` as it is by an earlier line is given up.
+    It is trained once more, and on as long as that makes it measurably better. One that was `tried` as it is by an
+    earlier line is given up.
     """
     failed = Fail(
         f"{psi} is reached in {found.outcome.successes} of {found.outcome.episodes} episodes, and {why.reason}"
     )
     if psi == ROOT or line.exhausted or tried:
         return failed
-    again = line.attempt(found.program, psi, found.tree, found.skills)
-    if isinstance(again, Fail):
-        return found
-    found = Solution(found.program, found.tree, *again)
+    better = True
+    while better and not line.limits.met(found.outcome):
+        again = line.attempt(found.program, psi, found.tree, found.skills)
+        if isinstance(again, Fail):
+            return found
+        before, found = found, Solution(found.program, found.tree, *again)
+        better = found.outcome.interval[0] > before.outcome.interval[1]
     return found if found.outcome.successes else failed
 
 

@@ -73,6 +73,19 @@ def test_a_subgoal_that_nothing_explains_is_trained_once_more_and_taken_as_it_is
     assert answer.skills == 4
 
 
+def test_it_is_trained_on_as_long_as_that_makes_it_better() -> None:
+    """Controllers learned from few demonstrations get better step by step."""
+    story, reached = Story(root(20, "at"), {ROOT: [AT1]}), {2: 0, 3: 8, 4: 17, 5: 18}
+
+    def roll_out(program: Program, goal: str, skills: int) -> Outcome:
+        told = story.roll_out(program, goal, skills)
+        return Outcome(reached[skills], 20, told.failures) if goal == "at" else told
+
+    answer = roboscribe(replace(story.steps(), roll_out=roll_out), 0, Limits())
+    assert isinstance(answer, Solution)
+    assert story.asked == [(ROOT, ""), *[("at", "at")] * 4, (ROOT, "at")]
+
+
 def test_a_loop_is_not_attempted_before_something_precedes_it() -> None:
     story = Story(
         {("hold", "at hold"): 20, ("at", "at hold"): 20, **root(20, "at hold")}, {ROOT: [LOOP1], "at": [HOLD1]}
