@@ -12,7 +12,6 @@ from roboscribe.controllers import Library
 from roboscribe.defaults import EVALUATION_EPISODES, ROLLOUT_EPISODES
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
-from roboscribe.episode_length import episode_length
 from roboscribe.errors import Fail
 from roboscribe.evaluation import episode_seeds, measure, waves
 from roboscribe.evidence import Evidence
@@ -28,6 +27,7 @@ from roboscribe.runnable import Runnable
 from roboscribe.steps import Abandoned, Decision, Limits, Outcome, Refined, Removed, Retrained, Steps, pure_steps
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.synthesis import Synthesis
+from roboscribe.world.episode_length import episode_length
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 

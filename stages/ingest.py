@@ -6,7 +6,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from roboscribe.episode_length import episode_length
 from roboscribe.errors import Fail
 from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.validation import screen
@@ -15,6 +14,7 @@ from roboscribe.stages.runtime.files import write_fail, write_json
 from roboscribe.stages.runtime.progress import ProgressCallback, ignore_progress
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import DEMONSTRATIONS, TaskConfig, load_demonstrations
+from roboscribe.world.episode_length import episode_length
 
 REPORT = "report.json"
 

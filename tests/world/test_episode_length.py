@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from roboscribe.episode_length import episode_length
+from roboscribe.world.episode_length import episode_length
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, Layout, ObjectType
 from roboscribe.world.task import Task, World
 from roboscribe.world.trajectory import Trajectory
