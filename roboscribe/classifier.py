@@ -80,12 +80,12 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     negatives = comparable
     features = _changing(enumerate_features(evidence.layout, _nameable(evidence, tree, psi)), crossings, evidence)
     found: list[Candidate] = []
-    for view in _views(crossings, features, evidence, tree, psi):
-        samples = _samples(view, negatives, evidence, tree, psi, features)
+    for part in _parts(crossings, features, evidence, tree, psi):
+        samples = _samples(part, negatives, evidence, tree, psi, features)
         recurring = [] if found else list(_recurring(samples, evidence, tree, psi))
-        found += rank_predicates(view.features, samples, recurring)
+        found += rank_predicates(part.features, samples, recurring)
     if not any(c.possible for c in found):
-        whole = View(crossings, features, tuple(tree.below(psi)))
+        whole = _Part(crossings, features, tuple(tree.below(psi)))
         found += learn_decision_tree(features, _samples(whole, negatives, evidence, tree, psi, features))
     table = tuple(sorted((c for c in found if c.possible), key=lambda c: c.rank))
     if not table:
@@ -108,7 +108,7 @@ def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evide
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class _Part:
     """A part of the demonstrations on which some features are judged.
 
     Args:
@@ -126,9 +126,9 @@ class View:
     after_loop: bool = False
 
 
-def _views(
+def _parts(
     crossings: Crossings, features: Sequence[Feature], evidence: Evidence, tree: Tree, psi: str
-) -> Iterator[View]:
+) -> Iterator[_Part]:
     """Say on which part of the demonstrations each feature is to be judged, and which subgoals it must not repeat.
 
     Within a loop, what is not about the entity that it serves is brought about once, before or while the first one is
@@ -138,20 +138,17 @@ def _views(
     loop, below = tree.loop_around(psi), tuple(tree.below(psi))
     once = [f for f in features if loop is not None and free_vars(f.term) and _named(f) and loop.role not in _named(f)]
     before = tree.predecessors(psi) if psi == ROOT else ()
-    done = [
-        crossings.first_steps(n.completed(evidence.types), evidence.layout, evidence.solved)
-        for n in before
-        if any(each.circular for each in before)
-    ]
+    before = before if any(node.circular for node in before) else ()
+    done = [crossings.first_steps(n.completed(evidence.types), evidence.layout, evidence.solved) for n in before]
     late = evidence.cut(crossings, np.max(done, axis=0)) if done else crossings
     seen = bool(done) and len(late.starts) >= AGREEMENT * len(crossings.starts)
     left = [f for f in features if seen and not _named(f)]
-    yield View(crossings, [f for f in features if f not in once and f not in left], below)
+    yield _Part(crossings, [f for f in features if f not in once and f not in left], below)
     if once:
         first = np.array([0 if p.begin == 0 else len(crossings.frames) for p in crossings.passages], dtype=np.int64)
-        yield View(evidence.cut(crossings, first), once, below, crossings)
+        yield _Part(evidence.cut(crossings, first), once, below, crossings)
     if left:
-        yield View(late, left, before, crossings, after_loop=True)
+        yield _Part(late, left, before, crossings, after_loop=True)
 
 
 def _named(feature: Feature) -> set[str]:
@@ -247,10 +244,10 @@ def _nameable(evidence: Evidence, tree: Tree, psi: str) -> list[str]:
 
 
 def _samples(
-    view: View, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str, features: Sequence[Feature]
+    part: _Part, negatives: FloatArray, evidence: Evidence, tree: Tree, psi: str, features: Sequence[Feature]
 ) -> Samples:
     """Gather what predicates are judged on; `features` are all on offer."""
-    crossings, nodes = view.crossings, (*tree.above(psi), *view.known)
+    crossings, nodes = part.crossings, (*tree.above(psi), *part.known)
     steps: dict[frozenset[str], tuple[IntArray, ...]] = {}
     for node in tree.below(psi):
         about = frozenset(node.entities)
@@ -264,7 +261,7 @@ def _samples(
         negatives,
         crossings.frames,
         crossings.starts,
-        otherwise=crossings.frames[:0] if view.whole is None else view.whole.frames,
+        otherwise=crossings.frames[:0] if part.whole is None else part.whole.frames,
         choices=len(features),
         steps=steps,
         known=_compared(features, nodes, evidence),
@@ -272,7 +269,7 @@ def _samples(
         goal_entities=_at_stake(evidence, tree, psi),
         elsewhere=tuple(_elsewhere(crossings, evidence, tree, psi)),
         root=psi == ROOT,
-        after_loop=view.after_loop,
+        after_loop=part.after_loop,
         anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
 

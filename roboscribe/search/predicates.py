@@ -370,9 +370,9 @@ def _pairs(atoms: Sequence[_Atom], samples: Samples, best: int = 100, keep: int 
         return []
     truth = np.stack([a.on_negatives for a in chosen]).astype(np.float32)
     together = truth @ truth.T
-    alone = _takes_away(truth) | _takes_away(np.stack([a.on_frames for a in chosen]).astype(np.float32))
-    both_count = [ij for ij in combinations(range(len(chosen)), 2) if alone[ij] and alone[ij[::-1]]]
-    order = sorted(both_count, key=lambda ij: (together[ij], ij))
+    adds = _takes_away(truth) | _takes_away(np.stack([a.on_frames for a in chosen]).astype(np.float32))
+    pairs = [ij for ij in combinations(range(len(chosen)), 2) if adds[ij] and adds[ij[::-1]]]
+    order = sorted(pairs, key=lambda ij: (together[ij], ij))
     return [_conjunction(chosen[i], chosen[j], samples) for i, j in order[:keep]]
 
 
