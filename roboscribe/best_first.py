@@ -45,39 +45,42 @@ class Search(Generic[Skills]):
         """Yield one line after the other, best first, until a program is good or the budget is spent."""
         while self.open and self.trained < self.limits.programs and not self.satisfied:
             given_away, _, choices = heappop(self.open)
-            while not self.satisfied and self._rather_trains_again(choices, given_away):
+            begins_otherwise = choices[:1] != self.best_choices[:1]
+            while not self.satisfied and self._rather_trains_again(begins_otherwise):
                 self._train_again()
-            if not self.satisfied:
-                yield Line(self, choices, given_away)
+            if self.satisfied or (self._nearly_in_vain and (begins_otherwise or given_away >= IN_KIND)):
+                return
+            yield Line(self, choices, given_away)
 
     @property
     def satisfied(self) -> bool:
         """Whether the best program is good enough, or nothing better is to be expected.
 
         That is so where it is as good as can be told, or promising and trained again in vain, and nothing better was
-        found lately; at once where it was trained again in vain and fails hardly more often than is allowed.
+        found lately.
         """
         if self.best is None:
             return False
         limits, outcome, in_vain = self.limits, self.best.outcome, self.best is self.trained_again
         late = self.trained >= self.since + limits.patience
-        return (
-            limits.met(outcome)
-            or (late and (in_vain or limits.undecided(outcome)))
-            or (in_vain and limits.nearly(outcome))
-        )
+        return limits.met(outcome) or (late and (in_vain or limits.undecided(outcome)))
 
-    def _rather_trains_again(self, choices: tuple[int, ...], given_away: int) -> bool:
+    @property
+    def _nearly_in_vain(self) -> bool:
+        """Whether the best program was trained again in vain, and fails hardly more often than is allowed."""
+        best = self.best
+        return best is not None and best is self.trained_again and self.limits.nearly(best.outcome)
+
+    def _rather_trains_again(self, begins_otherwise: bool) -> bool:
         """Whether a promising best program owes its failures to its controllers more likely than to its subgoals.
 
-        That is so before a line gives up all that it stands on, beginning with its first subgoal; before one that gives
-        away more than degrees where it fails hardly more often than is allowed.
+        That is so before a line gives up all that it stands on, beginning with its first subgoal; before any line where
+        it fails hardly more often than is allowed.
         """
         best = self.best
         if best is None or best is self.trained_again or self.trained >= self.limits.programs:
             return False
-        begins_otherwise = best.outcome.rate >= PROMISING and choices[:1] != self.best_choices[:1]
-        return begins_otherwise or (given_away >= IN_KIND and self.limits.nearly(best.outcome))
+        return (begins_otherwise and best.outcome.rate >= PROMISING) or self.limits.nearly(best.outcome)
 
     def _train_again(self) -> None:
         """Train the controllers of the best program once more; what becomes better by that may be trained again."""

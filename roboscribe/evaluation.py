@@ -14,13 +14,15 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.io.atomic import Json
 from roboscribe.runnable import Runnable
-from roboscribe.steps import wilson
+from roboscribe.steps import Limits, Outcome, wilson
 from roboscribe.subtask_tree import ROOT
 from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 
 WAVE = 125
 """Episodes between two messages of progress."""
+LONGEST_TRIAL = 4
+"""Times the usual episodes that trying a program may take at most: enough to tell 94 from 97 %."""
 PURPOSE = "evaluate"
 """What the seeds of evaluation episodes are drawn for, see `episode_seeds`."""
 Watch: TypeAlias = Callable[[int, int], None]
@@ -65,6 +67,39 @@ def waves(
         successes += int(rollouts.success.sum())
         watch(min(start + WAVE, len(seeds)), successes)
         yield rollouts
+
+
+def try_program(
+    program: Runnable,
+    task: Task,
+    seed: int,
+    goal: str,
+    episodes: int,
+    limits: Limits | None = None,
+    watch: Callable[[int], Watch] = lambda _: ignore_counts,
+) -> Iterator[Rollouts]:
+    """Run a program in so many episodes, and in as many again while these cannot tell whether it is good enough.
+
+    Args:
+        program: what runs.
+        task: where.
+        seed: decides the episodes.
+        goal: as in `waves`.
+        episodes: E; `LONGEST_TRIAL` times as many are run at most.
+        limits: what is good enough; None runs E episodes whatever they show.
+        watch: given how many episodes come next, returns whom to tell of them.
+
+    Departs: the paper runs a fixed number. At 95 of 100 a program may be better than asked or miss it clearly; episodes
+        cost less than another subgoal.
+    """
+    seeds = episode_seeds(seed, f"roll out {goal}", LONGEST_TRIAL * episodes)
+    successes = 0
+    for start in range(0, len(seeds), episodes):
+        if start and (limits is None or not limits.doubtful(Outcome(successes, start, np.empty((0, 0))))):
+            return
+        for rollouts in waves(program, task, seeds[start : start + episodes], goal, watch(episodes)):
+            successes += int(rollouts.success.sum())
+            yield rollouts
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from roboscribe.abstraction_refinement import roboscribe
 from roboscribe.controllers import Library
 from roboscribe.defaults import EVALUATION_EPISODES, ROLLOUT_EPISODES
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
-from roboscribe.evaluation import episode_seeds, measure, waves
+from roboscribe.evaluation import measure, try_program
 from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, ground, grounds, settled_profile, stale
 from roboscribe.io.atomic import Json
@@ -80,9 +78,10 @@ def synthesize(
     chosen = settled_profile(profile, all(each.actions is not None for each in screened.kept), "demonstrations")
     settings = (training or TrainConfig()).for_profile(chosen)
     evidence = Evidence.of(screened.kept, where.solved)
-    learning = Learning(where, evidence, seed, settings, rollout_episodes, tell)
+    asked = limits or Limits()
+    learning = Learning(where, evidence, seed, settings, rollout_episodes, asked, tell)
     name = task if isinstance(task, str) else task.name
-    found = roboscribe(learning.steps(program_name(name)), TrainedControllers(), limits or Limits())
+    found = roboscribe(learning.steps(program_name(name)), TrainedControllers(), asked)
     if isinstance(found, Fail):
         return found
     runnable = Runnable(found.program, found.skills.library, found.skills.limits, settings.confirm)
@@ -126,7 +125,8 @@ class Learning:
         evidence: the demonstrations.
         seed: decides everything random.
         training: settings of the learners.
-        rollout_episodes: in which each program is tried.
+        rollout_episodes: in which each program is tried, see `try_program`.
+        wanted: accuracy asked.
         tell: told in one line what happens.
     """
 
@@ -135,6 +135,7 @@ class Learning:
     seed: int
     training: TrainConfig
     rollout_episodes: int
+    wanted: Limits
     tell: Callable[[str], None]
 
     def steps(self, name: str) -> Steps[TrainedControllers]:
@@ -156,7 +157,8 @@ class Learning:
 
     def roll_out(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P)."""
-        outcome = self._outcome(program, goal, trained, self.rollout_episodes)
+        limits = self.wanted if goal == ROOT else None
+        outcome = self._outcome(program, goal, trained, self.rollout_episodes, limits)
         self.tell(f"{goal} is reached in {outcome.successes} of {outcome.episodes} episodes")
         return outcome
 
@@ -164,12 +166,11 @@ class Learning:
         """Exec(M, P) for a few episodes."""
         return self._outcome(program, goal, trained, min(CHECKED, self.rollout_episodes))
 
-    def _outcome(self, program: Program, goal: str, trained: TrainedControllers, episodes: int) -> Outcome:
-        seeds = episode_seeds(self.seed, f"roll out {goal}", episodes)
+    def _outcome(
+        self, program: Program, goal: str, trained: TrainedControllers, episodes: int, limits: Limits | None = None
+    ) -> Outcome:
         runnable = Runnable(program, trained.library, trained.limits, self.training.confirm)
-        found = [Outcome.of(rollouts) for rollouts in waves(runnable, self.task, seeds, goal)]
-        failures = np.concatenate([each.failures for each in found])
-        return Outcome(sum(each.successes for each in found), episodes, failures)
+        return Outcome.total(map(Outcome.of, try_program(runnable, self.task, self.seed, goal, episodes, limits)))
 
 
 def decision_line(decision: Decision) -> str:

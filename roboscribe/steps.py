@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import sqrt
 from typing import Generic, TypeAlias, TypeVar
@@ -72,6 +72,13 @@ class Outcome:
         lost = [_failing_states(rollouts, int(episode)) for episode in failed]
         failures = np.concatenate(lost) if lost else np.empty((0, rollouts.layout.size))
         return cls(int(rollouts.success.sum()), len(rollouts.success), failures)
+
+    @classmethod
+    def total(cls, parts: Iterable[Outcome]) -> Outcome:
+        """Add up what was run in parts, at least one."""
+        each = list(parts)
+        failures = np.concatenate([part.failures for part in each])
+        return cls(sum(part.successes for part in each), sum(part.episodes for part in each), failures)
 
 
 def _failing_states(rollouts: Rollouts, episode: int) -> FloatArray:
@@ -244,3 +251,7 @@ class Limits:
     def undecided(self, outcome: Outcome) -> bool:
         """Whether an outcome cannot be told apart from what is wanted: its interval reaches that far."""
         return outcome.interval[1] >= self.success
+
+    def doubtful(self, outcome: Outcome) -> bool:
+        """Whether more episodes would tell if an outcome that is not what is wanted comes from a program that is."""
+        return not self.met(outcome) and self.undecided(outcome)

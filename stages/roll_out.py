@@ -6,11 +6,9 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from roboscribe.abstraction_refinement import Outcome
 from roboscribe.defaults import CONFIRM, ROLLOUT_EPISODES
-from roboscribe.evaluation import Endings, episode_seeds, episode_table, summary, waves
+from roboscribe.evaluation import Endings, episode_seeds, episode_table, summary, try_program
 from roboscribe.io.atomic import write_file
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_runnable
@@ -19,6 +17,7 @@ from roboscribe.stages.runtime.progress import ProgressCallback, episode_progres
 from roboscribe.stages.runtime.serialization import failures_bytes
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
+from roboscribe.steps import Limits
 from roboscribe.subtask_tree import ROOT
 
 
@@ -31,6 +30,8 @@ class Config:
         goal: node that the program is to reach; ψ_R is the task itself.
         seed: decides the episodes.
         rollout_episodes: how many.
+        success: share of them that is wanted: more are run while these cannot tell whether it is reached; None runs
+            just so many.
         confirm: consecutive steps for which a subgoal must hold to count as reached.
     """
 
@@ -38,6 +39,7 @@ class Config:
     goal: str = ROOT
     seed: int = 0
     rollout_episodes: int = ROLLOUT_EPISODES
+    success: float | None = None
     confirm: int = CONFIRM
 
 
@@ -50,13 +52,23 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
     """
     task = config.task.make()
     program = read_runnable(inputs, task, config.confirm)
-    seeds = episode_seeds(config.seed, f"roll out {config.goal}", config.rollout_episodes)
+    limits = None if config.success is None else Limits(success=config.success)
+    label, episodes = f"roll out {config.goal}", config.rollout_episodes
     done = list(
-        waves(program, task, seeds, config.goal, episode_progress(f"roll out {config.goal}", len(seeds), report))
+        try_program(
+            program,
+            task,
+            config.seed,
+            config.goal,
+            episodes,
+            limits,
+            lambda count: episode_progress(label, count, report),
+        )
     )
-    failures = np.concatenate([Outcome.of(rollouts).failures for rollouts in done])
+    failures = Outcome.total(map(Outcome.of, done)).failures
     write_file(out / FAILURES, failures_bytes(failures))
     ended = [Endings.of(rollouts) for rollouts in done]
+    seeds = episode_seeds(config.seed, label, sum(len(each.success) for each in ended))
     write_json(out / EPISODES, episode_table(ended, seeds))
     write_json(out / OUTCOME, summary(ended))
 

@@ -144,7 +144,8 @@ class StagedSteps:
 
     def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""
-        out = self._roll_out(f"roll out {goal}", program, goal, library, self.plan.rollout_episodes)
+        wanted = self.plan.limits.success if goal == ROOT else None
+        out = self._roll_out(f"roll out {goal}", program, goal, library, self.plan.rollout_episodes, wanted)
         self.tell(RolledOut(goal, read_json(out / OUTCOME), out / EPISODES))
         return read_outcome(out)
 
@@ -153,9 +154,17 @@ class StagedSteps:
         episodes = min(CHECKED, self.plan.rollout_episodes)
         return read_outcome(self._roll_out("check a shorter program", program, goal, library, episodes))
 
-    def _roll_out(self, label: str, program: Program, goal: str, library: ControllerFiles, episodes: int) -> Path:
+    def _roll_out(
+        self,
+        label: str,
+        program: Program,
+        goal: str,
+        library: ControllerFiles,
+        episodes: int,
+        wanted: float | None = None,
+    ) -> Path:
         plan = self.plan
-        config = roll_out.Config(plan.practice, goal, plan.seed, episodes, plan.training.confirm)
+        config = roll_out.Config(plan.practice, goal, plan.seed, episodes, wanted, plan.training.confirm)
         return self.call(label, roll_out.STAGE, config, {"program": self.program(program), **library.runnable()})
 
     def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:

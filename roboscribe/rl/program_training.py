@@ -238,14 +238,22 @@ class ProgramTraining:
         seed = self.seed_of(f"{run.controller} weights")
         return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
 
-    def pools(self, run: Run, skills: Mapping[str, Skill], most: float) -> tuple[StartPool, StartPool, int]:
+    def pools(
+        self, run: Run, skills: Mapping[str, Skill], most: float, purpose: str = "starts"
+    ) -> tuple[StartPool, StartPool, int]:
         """Run the program up to `run`, for half of the control steps that may be spent on it at most.
+
+        Args:
+            run: the controller's statement.
+            skills: controllers so far.
+            most: control steps that may be spent on the controller.
+            purpose: what the starts are drawn for; other purposes get others.
 
         Returns:
             Held-out starts, few enough that an evaluation takes a quarter of those steps at most; starts for
             training; and control steps spent.
         """
-        config, rng = self.config.pool, self.draw(f"{run.controller} starts")
+        config, rng = self.config.pool, self.draw(f"{run.controller} {purpose}")
         times = config.in_loops if self.in_loop(run) else 1
         starts, evaluation = config.starts * times, config.evaluation * times
         if isinstance(run.until, Solved):

@@ -31,6 +31,10 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 """Receives a controller's name, metrics by name, and the control steps spent on it so far."""
 
 
+LONGEST = 4
+"""Times `TrainConfig.assurance` that a screening may take."""
+
+
 def no_log(controller: str, metrics: Mapping[str, float], step: int) -> None:
     """Log nothing."""
 
@@ -200,20 +204,25 @@ def _screen(
     """Run the program as things stand, before controllers that have all had a turn get another one.
 
     It is not worthwhile where the program reaches its goal as often as is wanted, nor where it does so too rarely for
-    its controllers to be to blame.
+    its controllers to be to blame. One failure too many may be chance: more episodes tell.
     """
     if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
         return _Screening(False)
     config, job = training.config, turn[0]
     if not _can_be_screened(training, job, skills):
         return _Screening(True)
-    seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=config.assurance)
+    seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
     success, steps = _tried(training, skills, seeds[: config.screening])
-    if success.mean() >= training.wanted and _affordable(training, config.assurance):
-        more, spent = _tried(training, skills, seeds[config.screening :])
+    for episodes in range(config.assurance, len(seeds) + 1, config.assurance):
+        failures = int((~success).sum())
+        if failures > (1.0 - training.wanted) * episodes + 1 or not _affordable(training, episodes):
+            break
+        more, spent = _tried(training, skills, seeds[len(success) : episodes])
         success, steps = np.concatenate([success, more]), steps + spent
+        if success.mean() >= training.wanted:
+            break
     rate = float(success.mean())
-    assured = rate >= training.wanted and len(success) == config.assurance
+    assured = rate >= training.wanted and len(success) >= config.assurance
     hopeless = job.again and rate < config.worth_improving
     if assured or hopeless:
         return _Screening(False, SkillReport(turn[-1].run.controller, "kept", 0, rate, rate, steps))
@@ -267,7 +276,8 @@ def _train(
 ) -> tuple[Skill, SkillReport]:
     """Collect starts, warm-start, and improve by reinforcement learning where needed, in `most` control steps."""
     run = job.run
-    held_out, pool, spent = training.pools(run, skills, most)
+    # A skill that was chosen for its success on some starts shows its true success on others.
+    held_out, pool, spent = training.pools(run, skills, most, "starts again" if job.again else "starts")
     fresh = skills.get(run.controller) or training.fresh_skill(run, pool)
     if not len(pool):
         return fresh, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
