@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import combinations
+from collections.abc import Iterator
+from itertools import combinations, product
 
 import numpy as np
 
+from roboscribe.dsl.fields import components, same_measure
 from roboscribe.dsl.rewrite import size
 from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Proj, Term, Var
+from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Term, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.search.loop_entities import is_lasting
 from roboscribe.subtask_tree import Node
-from roboscribe.world.layout import Attribute, BoolArray
+from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import AGREEMENT
 
 
@@ -76,8 +77,8 @@ def _lasting_readings(evidence: Evidence) -> Iterator[Term]:
         if len(layout.of_type(kind)) == 1:
             for goal in (False, True):
                 item = Goal(Var(name)) if goal else Var(name)
-                for attribute in layout.types[kind].described(goal):
-                    for term in (Proj(item, c) for c in attribute.components if attribute.is_place):
+                for attribute in (a for a in layout.types[kind].described(goal) if a.is_place):
+                    for term in components(item, layout.types[kind], attribute):
                         values = evaluate(term, evidence.states, {}, layout)[..., 0]
                         if is_lasting(values, evidence.starts):
                             yield term
@@ -87,13 +88,11 @@ def _cross_comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[P
     for one, two in combinations(names, 2):
         kinds = [evidence.layout.types[evidence.types[n]] for n in (one, two)]
         for goals in (True, False):
-            shared = [a for a in kinds[0].described(goals) if a.is_place and _same(a, kinds[1].described(goals))]
-            for attribute in shared:
-                ends = [Goal(Var(n)) if goals else Var(n) for n in (one, two)]
-                yield from (Less(Proj(ends[0], c), Proj(ends[1], c)) for c in attribute.components)
-
-
-def _same(attribute: Attribute, others: Sequence[Attribute]) -> bool:
-    """Whether one of `others` measures the same."""
-    shape = (attribute.name, attribute.unit, attribute.components)
-    return any((a.name, a.unit, a.components) == shape for a in others)
+            ends = [Goal(Var(n)) if goals else Var(n) for n in (one, two)]
+            places = [[a for a in kind.described(goals) if a.is_place] for kind in kinds]
+            for attribute, other in product(*places):
+                if same_measure(attribute, other):
+                    pairs = zip(
+                        components(ends[0], kinds[0], attribute), components(ends[1], kinds[1], other), strict=True
+                    )
+                    yield from (Less(a, b) for a, b in pairs)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from roboscribe.abstraction_refinement import roboscribe
 from roboscribe.controllers import Library
 from roboscribe.defaults import EVALUATION_EPISODES, ROLLOUT_EPISODES
+from roboscribe.dsl.fields import check_layout
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
@@ -63,9 +64,10 @@ def synthesize(
 
     Raises:
         DemonstrationError: demonstrations that cannot be learned from.
-        TaskError: an unknown task.
+        TaskError: an unknown task, or one that declares names which programs cannot speak of.
     """
     where = task_named(task)
+    check_layout(where.layout)
     digest = demonstrations.digest if isinstance(demonstrations, Demonstrations) else ""
     shown = demonstrations.trajectories if isinstance(demonstrations, Demonstrations) else tuple(demonstrations)
     screened = screen(where, shown)

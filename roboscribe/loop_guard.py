@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from roboscribe.dsl.fields import components, projections, same_measure
 from roboscribe.dsl.rewrite import conjunction, free_vars, negation_normal_form, rename, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import (
@@ -20,6 +21,7 @@ from roboscribe.dsl.syntax import (
     Predicate,
     Proj,
     Robot,
+    Term,
     Truth,
     Var,
 )
@@ -27,7 +29,7 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, strictest_literal, top_down_enum
 from roboscribe.subtask_tree import Node, Tree
-from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray
+from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, ObjectType
 from roboscribe.world.trajectory import AGREEMENT, NEVER
 
 TOLERANCE = 0.02
@@ -135,7 +137,8 @@ def order_of(
     if shown.positive.all():
         return ()
     atoms = guard_atoms(shown, evidence, entity, learned, moving=True)
-    found = enumerate_conjunctions(atoms, shown.positive, CHOICE_TOLERANCE)
+    naming_one = float(np.log2(len(shown.positive)))
+    found = enumerate_conjunctions(atoms, shown.positive, CHOICE_TOLERANCE, exception_bits=naming_one)
     if found.best is not None and _bits_of_choices(shown) >= np.log2(found.simpler):
         return (found.best,)
     return partial_order(examples, evidence, entity, learned)
@@ -253,7 +256,8 @@ def guard_atoms(
         evidence: demonstrations, for layout and types.
         entity: v, the name that stands for the entity that an example is about.
         learned: predicates about it alone.
-        moving: whether distances to the robot and to goals are compared, too, which only matter where a choice is made.
+        moving: whether distances to the robot, to goals and to what has no like are compared, too, which only matter
+            where a choice is made.
 
     Returns:
         Atoms about v, and, for every entity v' of its type, about v' and about both.
@@ -284,34 +288,39 @@ def _comparisons(evidence: Evidence, names: tuple[str, ...]) -> Iterator[Predica
     """α < α over single numbers of one attribute of the entities `names` (all of one type) and of their goals."""
     kind = evidence.layout.types[evidence.types[names[0]]]
     for attribute in (a for a in kind.attributes if a.is_place):
-        objects: list[Object] = [Var(n) for n in names]
-        with_goal = any(g.name == attribute.name for g in kind.goal)
-        goals: list[Object] = [Goal(Var(n)) for n in names] if with_goal else []
-        for one, two in product([*goals, *objects], repeat=2):
+        ends: list[tuple[Object, Attribute]] = [
+            (Goal(Var(n)), g) for n in names for g in kind.goal if same_measure(g, attribute)
+        ]
+        ends += [(Var(n), attribute) for n in names]
+        for (one, of_one), (two, of_two) in product(ends, repeat=2):
             if one != two:
-                yield from (Less(Proj(one, c), Proj(two, c)) for c in attribute.components)
+                pairs = zip(components(one, kind, of_one), components(two, kind, of_two), strict=True)
+                yield from (Less(a, b) for a, b in pairs)
 
 
 def _relations(evidence: Evidence, entity: str, other: str) -> Iterator[Predicate]:
-    """One entity, or its goal, is nearer to the robot than the other, or nearer to its goal."""
-    for ends in _distances(evidence, entity, other):
-        near, far = (Norm(Diff(Proj(one, field), Proj(end, field))) for one, end, field in ends)
+    """One entity, or its goal, is nearer than the other to the robot, to its goal, or to an entity without like."""
+    kind = evidence.layout.types[evidence.types[entity]]
+    nearness = (_distances(evidence, Var(name), kind) for name in (entity, other))
+    for near, far in zip(*nearness, strict=True):
         yield from (Less(near, far), Less(far, near))
 
 
-def _distances(evidence: Evidence, entity: str, other: str) -> Iterator[tuple[tuple[Object, Object, str], ...]]:
-    """List what is compared: of each of two entities two objects, and in which attribute they are apart."""
+def _distances(evidence: Evidence, entity: Var, kind: ObjectType) -> Iterator[Term]:
+    """Yield how far an entity is from its goal, and how far either is from the robot and from what has no like."""
     layout = evidence.layout
-    kind = layout.types[evidence.types[entity]]
-    for attribute in (a for a in kind.goal if a.is_place and any(a.name == b.name for b in kind.attributes)):
-        yield tuple((Var(n), Goal(Var(n)), _field(attribute)) for n in (entity, other))
-    for attribute in layout.robot.attributes:
-        for goal in (False, True):
-            if attribute.is_place and any(a.name == attribute.name for a in kind.described(goal)):
-                ends = [Goal(Var(n)) if goal else Var(n) for n in (entity, other)]
-                yield tuple((Robot(), end, _field(attribute)) for end in ends)
+    ends: tuple[Object, ...] = (entity, Goal(entity))
+    yield from _apart(ends[0], kind, ends[1], kind)
+    landmarks: list[tuple[Object, ObjectType]] = [(Robot(), layout.robot)]
+    landmarks += [(Var(name), layout.types[of]) for name, of in evidence.types.items() if len(layout.of_type(of)) == 1]
+    for landmark, its in landmarks:
+        for end in ends:
+            yield from _apart(landmark, its, end, kind)
 
 
-def _field(attribute: Attribute) -> str:
-    """Return how all components of an attribute are spelled."""
-    return "".join(attribute.components) if all(len(c) == 1 for c in attribute.components) else attribute.name
+def _apart(near: Object, its: ObjectType, far: Object, others: ObjectType) -> Iterator[Term]:
+    """Yield the distance of two objects, of types `its` and `others`, in every attribute that both have."""
+    for attribute in (a for a in its.described(isinstance(near, Goal)) if a.is_place):
+        for alike in (a for a in others.described(isinstance(far, Goal)) if same_measure(a, attribute)):
+            for a, b in product(projections(near, its, attribute), projections(far, others, alike)):
+                yield Norm(Diff(a, b))

@@ -17,7 +17,7 @@ from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, loop_examples, predicate_synthesis
-from roboscribe.world.layout import Attribute, FloatArray, Layout
+from roboscribe.world.layout import Attribute, BoolArray, FloatArray, Layout, ObjectType
 from roboscribe.world.trajectory import Trajectory
 from tests.handmade import AT, HOLD, Choice, bottom_up, chain, evidence, legs, node, state, top_down
 
@@ -172,10 +172,11 @@ def weighed(rule: Rule, seed: int, episodes: int) -> Evidence:
 def admitted(guard: Predicate, shown: Evidence) -> list[list[int]]:
     """Which blocks a guard admits, whenever a demonstrator turns to the next one; blocks go by the order of service."""
     found = []
+    named = {name: i for i, name in enumerate(shown.layout.names)}
     for trajectory, steps in zip(shown.trajectories, served_at(shown), strict=True):
         for step in (0, *steps[:-1]):
             state = trajectory.states[step]
-            found.append([e for e in range(3) if holds(guard, state, {"b1": e}, shown.layout)])
+            found.append([e for e in range(3) if holds(guard, state, {**named, "b1": e}, shown.layout)])
     return found
 
 
@@ -190,6 +191,42 @@ def test_an_order_by_what_is_no_goal_is_found(rule: Rule) -> None:
     guard = predicate_synthesis(weighed(rule, 0, 40), TREE, AT_NODE)
     assert not isinstance(guard, Fail)
     right = [chosen == [i % 3] for i, chosen in enumerate(admitted(guard, weighed(rule, 1, 30)))]
+    assert np.mean(right) >= 0.95
+
+
+MARKED = Layout(TASK.layout.robot, (*TASK.layout.entities, ObjectType("marker", TASK.layout.entities[0].attributes)))
+"""Blocks, and a marker that never moves."""
+
+
+def placed(states: FloatArray) -> BoolArray:
+    """Tell where all blocks are at their goals."""
+    return TASK.solved(states[..., : TASK.layout.size])
+
+
+def nearest_to(place: FloatArray, places: FloatArray) -> Choice:
+    """Take the block first that lay nearest to a place."""
+    distances = np.linalg.norm(places - place, axis=1)
+    return lambda hand, now, goals, left: min(left, key=lambda i: distances[i])
+
+
+def marked(seed: int, episodes: int) -> Evidence:
+    """Draw demonstrations in which the block nearest to the marker is taken first."""
+    rng = np.random.default_rng(seed)
+    shown = []
+    for _ in range(episodes):
+        places, marker, hand = rng.uniform(0.0, 1.0, (3, 2)), rng.uniform(0.0, 1.0, 2), rng.uniform(0.0, 1.0, 2)
+        goals = np.array([[1.3, 0.0], [1.6, 0.0], [1.9, 0.0]])[rng.permutation(3)]
+        states = legs(MARKED, hand, places, goals, nearest_to(marker, places))
+        states[:, MARKED.columns[3, "position", False]] = marker
+        shown.append(Trajectory(MARKED, states))
+    return Evidence.of(shown, placed)
+
+
+def test_an_order_by_the_distance_to_something_without_like_is_found() -> None:
+    guard = predicate_synthesis(marked(0, 40), TREE, AT_NODE)
+    assert not isinstance(guard, Fail)
+    assert "‖m1↓xz − " in str(guard)
+    right = [chosen == [i % 3] for i, chosen in enumerate(admitted(guard, marked(1, 30)))]
     assert np.mean(right) >= 0.95
 
 

@@ -46,7 +46,7 @@ class Tokenizer(nn.Module):
         raw = self.raw(states)
         spread = self.variance.sqrt().clamp(min=LEAST_SPREAD).float()
         normal = ((raw - self.mean.float()) / spread).clamp(-CLIP, CLIP)
-        differences = raw[..., self.spec.width :]
+        differences = raw[..., self.spec.width :] * torch.tensor(self.spec.metres)
         fine = [(differences / scale).clamp(-FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
         seen = torch.cat([normal, *fine], dim=-1)
         kinds = self.kinds.expand(len(states), *self.kinds.shape)

@@ -16,6 +16,7 @@ import numpy as np
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.observation import FINE_SCALES
 from roboscribe.world.layout import ROBOT, FloatArray, IntArray, Layout, ObjectType
+from roboscribe.world.units import in_si, is_length
 
 ABSENT = -1
 """Column of an attribute that a type lacks."""
@@ -67,7 +68,7 @@ class TokenSpec:
 
     @property
     def pairs(self) -> tuple[tuple[slice, slice], ...]:
-        """Places of every two positions named alike (unit m), of which the difference is seen, too.
+        """Places of every two lengths named alike, of which the difference is seen, too.
 
         It is what controllers of programs see of their arguments: a difference of a centimetre decides whether fingers
         hold a block, and hardly shows in two places on a table.
@@ -81,6 +82,12 @@ class TokenSpec:
     def differences(self) -> int:
         """Numbers of a token that are differences, without their fine copies."""
         return sum(place.stop - place.start for place, _ in self.pairs)
+
+    @property
+    def metres(self) -> tuple[float, ...]:
+        """How many metres one unit of each difference is."""
+        units = [field.unit for field in (*self.robot, *self.entity) for _ in range(field.width)]
+        return tuple(in_si(unit) for place, _ in self.pairs for unit in units[place])
 
     @property
     def size(self) -> int:
@@ -142,7 +149,7 @@ class TokenSpec:
 
 def _alike(one: Field, other: Field) -> bool:
     """Tell whether two attributes are positions of which a difference says something."""
-    return one.unit == other.unit == "m" and (one.name, one.width) == (other.name, other.width)
+    return is_length(one.unit) and (one.name, one.width, one.unit) == (other.name, other.width, other.unit)
 
 
 def _found(layout: Layout, entity: int, fields: Sequence[Field]) -> list[int]:

@@ -21,12 +21,18 @@ WORDS = {"mu": "μ", "µ": "μ", "lambda": "λ", "exists": "∃", "and": "∧", 
 SYMBOLS = {"\\": "λ", "&&": "∧", "^": "∧", "||": "∨", "!": "¬", "~": "¬", "!=": "≠", "−": "-", "==": "≡", "=": "≡"}
 """Canonical spelling of symbols."""
 
+_NAME = re.compile(r"[^\W\dλ][^\Wλ]*")
 _TOKEN = re.compile(
     r"(?P<space>[^\S\n]+)|(?P<newline>\n)|(?P<comment>#[^\n]*)"
     r"|(?P<number>[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<word>[^\W\dλ][^\Wλ]*'*)"
     r"|(?P<symbol>:=|!=|==|&&|\|\||[(){}:;,.<>↓‖λ\\∃∧^∨¬!~≠≡=−-])"
 )
+
+
+def is_name(text: str) -> bool:
+    """Whether a text is read as one word, and as itself."""
+    return _NAME.fullmatch(text) is not None and text not in WORDS
 
 
 @dataclass(frozen=True)

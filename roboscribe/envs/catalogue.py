@@ -19,6 +19,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TypeAlias
 
+from roboscribe.dsl.fields import check_layout
 from roboscribe.envs import tasks as own
 from roboscribe.errors import TaskError
 from roboscribe.world.task import Task
@@ -166,7 +167,7 @@ def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Ta
         timing: "faithful" (20 x 2 ms) or "fast" (10 x 4 ms); a control step is 40 ms under both.
 
     Raises:
-        TaskError: an unknown name, contact model or timing.
+        TaskError: an unknown name, contact model or timing, or declared names that programs cannot speak of.
     """
     if contact not in CONTACTS:
         msg = f"unknown contact model {contact!r}: expected one of {', '.join(CONTACTS)}"
@@ -175,15 +176,21 @@ def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Ta
         msg = f"unknown timing {timing!r}: expected one of {', '.join(TIMINGS)}"
         raise TaskError(msg)
     if (place := IN_FILE.fullmatch(name)) is not None:
-        return _task_in_file(name, Path(place[1]), place[2])
+        return _checked(_task_in_file(name, Path(place[1]), place[2]))
     for family in _families():
         if (request := family.request(name, contact, timing)) is not None:
-            return family.make(request)
+            return _checked(family.make(request))
     near = get_close_matches(name, task_names(), n=1)
     hint = f"did you mean {near[0]}? " if near else ""
     known = f"expected one of {', '.join(task_names())}, or another number of objects"
     msg = "; ".join((f"unknown task {name!r}: {hint}{known}", *_import_own()))
     raise TaskError(msg)
+
+
+def _checked(task: Task) -> Task:
+    """Check that programs can speak of what a task declares."""
+    check_layout(task.layout)
+    return task
 
 
 def origin_of(name: str) -> Path | Maker | None:

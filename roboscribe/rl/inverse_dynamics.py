@@ -24,8 +24,6 @@ from roboscribe.world.layout import FloatArray, IntArray, Layout
 from roboscribe.world.rows import Rows
 from roboscribe.world.task import World
 
-ALL_UNITS = ("m", "rad", "1", "m/s", "rad/s")
-"""Units of the attributes that tell which action was taken."""
 OVERSHOOT = 1.5
 """Random actions are drawn from ± this and clipped to [-1, 1], so that one component in three is at a bound."""
 KEEP = 0.7

@@ -18,15 +18,13 @@ from typing import assert_never
 import numpy as np
 from numpy.typing import NDArray
 
+from roboscribe.dsl.fields import same_measure
 from roboscribe.dsl.rewrite import run_variables
 from roboscribe.dsl.syntax import Goal, Object, Robot, Run, Var
 from roboscribe.errors import ArtifactError
 from roboscribe.world.layout import ROBOT, Attribute, FloatArray, IntArray, Layout
+from roboscribe.world.units import PER_SECOND, in_si, is_angle, is_length, is_speed
 
-DEFAULT_UNITS = ("m", "rad", "1")
-"""Units of the attributes a controller sees: positions, openings, angles; no quaternions."""
-ROBOT_UNITS = (*DEFAULT_UNITS, "m/s")
-"""The same for the robot: its own velocity was measured to lift clones from 96 to 99 %."""
 FINE_SCALES = (0.1, 0.05, 0.025, 0.0125)
 """Scales in metres of the clipped copies of small differences; four cloned better than two from few demonstrations."""
 FINE_CLIP = 2.0
@@ -39,10 +37,9 @@ LEAST_LENGTH = 1e-3
 """A difference shorter than this has no direction, m."""
 CLIP = 4.0
 """Bound of a normalised input, in standard deviations: what no demonstration came near must not drown the rest."""
-LEAST_SPREADS = {"m": 0.01, "rad": 0.1}
-"""Least standard deviation by which a feature is divided, by unit: what demonstrations hardly vary must not explode."""
-LEAST_SPREAD = 1e-3
-"""The same for other units."""
+LEAST_LENGTH_SPREAD, LEAST_ANGLE_SPREAD, LEAST_SPREAD = 0.01, 0.1, 1e-3
+"""Least standard deviations by which lengths (m), angles (rad) and other numbers are divided: what hardly varies in
+demonstrations must not explode."""
 
 
 @dataclass(frozen=True)
@@ -162,10 +159,9 @@ def observation_spec(
     run: Run,
     types: Mapping[str, str],
     layout: Layout,
-    units: Sequence[str] = DEFAULT_UNITS,
-    robot_units: Sequence[str] = ROBOT_UNITS,
     *,
     goals: bool = False,
+    speeds: bool = False,
 ) -> ObservationSpec:
     """Build the spec of a controller from its arguments; `fitted` completes it.
 
@@ -173,14 +169,14 @@ def observation_spec(
         run: its arguments are μ, variables and goals of variables.
         types: type of each variable.
         layout: declares the attributes.
-        units: attributes of entities in other units are not seen.
-        robot_units: the same for the robot.
         goals: whether the goals of entities among the arguments are seen, too, by the robot alone: where it is to
             leave is not to be confused with where an entity shall go.
+        speeds: whether all speeds are seen, too, instead of the robot's velocity alone, which was measured to lift
+            clones from 96 to 99 %.
 
     Returns:
-        Attributes in order of the arguments, and the difference of every two positions (unit m) named alike; of every
-        two that can be seen from above, how one lies to the other.
+        Attributes in order of the arguments, quaternions and flags aside, and the difference of every two lengths named
+        alike; of every two that can be seen from above, how one lies to the other.
     """
     names = run_variables(run)
     further = [Goal(Var(name)) for name in names if goals and layout.types[types[name]].goal]
@@ -188,17 +184,23 @@ def observation_spec(
     for arg in dict.fromkeys((*run.args, *further)):
         slot, goal = _slot(arg, names)
         kind = layout.robot if slot == ROBOT else layout.types[types[names[slot]]]
-        shown = robot_units if slot == ROBOT else units
-        seen += [(Part(slot, a.name, goal), a, arg in run.args) for a in kind.described(goal) if a.unit in shown]
+        shown = [a for a in kind.described(goal) if _is_seen(a, moving=speeds, robot=slot == ROBOT)]
+        seen += [(Part(slot, a.name, goal), a, arg in run.args) for a in shown]
     alike = [
         (i, j)
         for (i, (part, a, _)), (j, (_, b, argument)) in combinations(enumerate(seen), 2)
-        if a.name == b.name and a.unit == "m" and (argument or part.slot == ROBOT)
+        if same_measure(a, b) and is_length(a.unit) and (argument or part.slot == ROBOT)
     ]
     planar = [rank for rank, (i, _) in enumerate(alike) if seen[i][1].width >= PLANAR]
     turned = tuple((one, along) for one in planar for along in planar if one != along)
     kinds, parts = tuple(types[name] for name in names), tuple(part for part, *_ in seen)
     return ObservationSpec(kinds, parts, tuple(alike), turned=turned)
+
+
+def _is_seen(attribute: Attribute, *, moving: bool, robot: bool) -> bool:
+    """Tell whether a controller sees an attribute, of the robot or of anything else."""
+    velocity = is_speed(attribute.unit) and is_length(attribute.unit.removesuffix(PER_SECOND))
+    return attribute.is_place or (moving and is_speed(attribute.unit)) or (robot and velocity)
 
 
 def _slot(arg: Object, names: Sequence[str]) -> tuple[int, bool]:
@@ -212,6 +214,11 @@ def _slot(arg: Object, names: Sequence[str]) -> tuple[int, bool]:
             return names.index(of.name), True
         case _:
             assert_never(arg)
+
+
+def _least_spread(unit: str) -> float:
+    least = LEAST_LENGTH_SPREAD if is_length(unit) else LEAST_ANGLE_SPREAD if is_angle(unit) else LEAST_SPREAD
+    return least / in_si(unit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,8 +246,14 @@ class Encoder:
         """Least standard deviation of each column of `raw`, (W + D,)."""
         ranks = (*self.spec.alone, *(rank for rank, _ in self.spec.pairs))
         seen = [self._attribute(self.spec.parts[rank]) for rank in ranks]
-        least = [LEAST_SPREADS.get(attribute.unit, LEAST_SPREAD) for attribute in seen]
+        least = [_least_spread(attribute.unit) for attribute in seen]
         return np.repeat(least, [attribute.width for attribute in seen])
+
+    @cached_property
+    def metres(self) -> FloatArray:
+        """How many metres one unit of each difference is, (D,)."""
+        of = [self._attribute(self.spec.parts[i]) for i, _ in self.spec.pairs]
+        return np.repeat([in_si(attribute.unit) for attribute in of], [attribute.width for attribute in of])
 
     def _attribute(self, part: Part) -> Attribute:
         kind = self.layout.robot if part.slot == ROBOT else self.layout.types[self.spec.types[part.slot]]
@@ -267,7 +280,7 @@ class Encoder:
         return {rank: slice(starts[rank], starts[rank] + PLANAR) for rank in range(len(widths))}
 
     def _turned(self, differences: FloatArray) -> list[FloatArray]:
-        """Return how differences (R, D) lie to each other: along and across, in several scales, and the directions."""
+        """Return how differences (R, D), in metres, lie to each other, in several scales, and the directions."""
         flat = {rank: differences[:, columns] for rank, columns in self._planar.items()}
         lengths = {rank: np.linalg.norm(flat[rank], axis=1, keepdims=True) for rank in self._directions}
         ahead = {rank: flat[rank] / np.maximum(lengths[rank], LEAST_LENGTH) for rank in self._directions}
@@ -297,7 +310,8 @@ class Encoder:
         values, differences = self._split(states, entities)
         raw = np.concatenate([values, differences], axis=1)
         normal = (raw - np.asarray(self.spec.mean)) / np.asarray(self.spec.std)
-        fine = [np.clip(differences / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
-        seen = [np.clip(normal, -CLIP, CLIP), *fine, *self._turned(differences)]
+        lengths = differences * self.metres
+        fine = [np.clip(lengths / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
+        seen = [np.clip(normal, -CLIP, CLIP), *fine, *self._turned(lengths)]
         inputs: NDArray[np.float32] = np.concatenate(seen, axis=1).astype(np.float32)
         return inputs

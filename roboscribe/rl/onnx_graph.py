@@ -15,6 +15,7 @@ from roboscribe.dsl.syntax import Run
 from roboscribe.rl.observation import CLIP, FINE_CLIP, LEAST_LENGTH, PLANAR, TURNED_SCALES, Encoder, Part
 from roboscribe.rl.skill import Skill
 from roboscribe.world.layout import ROBOT, Attribute
+from roboscribe.world.units import in_si
 
 OPSET, IR_VERSION = 17, 8
 """Old enough for every ONNX runtime of the last years."""
@@ -97,16 +98,18 @@ def _encoded(graph: _Graph, skill: Skill, names: Sequence[str]) -> str:
     spec = skill.spec
     differences = [graph("Sub", names[i], names[j]) for i, j in spec.pairs]
     raw = graph("Concat", *(names[rank] for rank in spec.alone), *differences, axis=1)
+    units = [in_si(_attribute(skill.encoder, spec.parts[i]).unit) for i, _ in spec.pairs]
+    lengths = [graph("Mul", each, unit) for each, unit in zip(differences, units, strict=True)]
     normal = graph("Div", graph("Sub", raw, np.array(spec.mean)), np.array(spec.std))
     seen = [graph.bounded(normal, CLIP)]
-    if differences:
-        joint = graph("Concat", *differences, axis=1)
+    if lengths:
+        joint = graph("Concat", *lengths, axis=1)
         seen += [graph.bounded(graph("Div", joint, scale), FINE_CLIP) for scale in spec.fine]
-    return graph("Concat", *seen, *_turned(graph, skill, differences), axis=1)
+    return graph("Concat", *seen, *_turned(graph, skill, lengths), axis=1)
 
 
 def _turned(graph: _Graph, skill: Skill, differences: Sequence[str]) -> list[str]:
-    """Return how differences lie to each other, seen from above, and the directions along which they are seen."""
+    """Return how differences, in metres, lie to each other from above, and the directions along which they are seen."""
     spec = skill.spec
     if not spec.turned:
         return []

@@ -221,13 +221,14 @@ class ProgramTraining:
         found = [frames_of(part, shown, beyond, actions, size) for shown, part in self._parts(run)]
         return joined(found) if found else None
 
-    def spec(self, run: Run, *units: Sequence[str]) -> ObservationSpec:
+    def spec(self, run: Run, *, speeds: bool = False) -> ObservationSpec:
         """Return what is seen of a controller's arguments, not yet normalised.
 
         In a loop goals are seen, too: a controller takes over where the last entity was served, and has to leave it.
+        With `speeds` all of these are seen: together they tell which action was taken.
         """
         types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
-        return observation_spec(run, types, self.task.layout, *units, goals=self.in_loop(run))
+        return observation_spec(run, types, self.task.layout, goals=self.in_loop(run), speeds=speeds)
 
     def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
         """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""

@@ -14,7 +14,6 @@ from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.config import PpoConfig, SacConfig, TrainConfig
-from roboscribe.rl.inverse_dynamics import ALL_UNITS
 from roboscribe.rl.learner import Learned, LearnerTask, Log
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.ppo import train_ppo
@@ -369,7 +368,7 @@ def _clone(
         case "actions":
             return clone_frames(fresh, frames.samples(), evaluator, config, seed)
         case "states":
-            spec = training.spec(run, ALL_UNITS, ALL_UNITS)
+            spec = training.spec(run, speeds=True)
             return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
         case "paper" | "scripted":
             return None

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
+from roboscribe.dsl.fields import projections, same_measure
 from roboscribe.dsl.rewrite import free_vars, size
 from roboscribe.dsl.semantics import evaluate
 from roboscribe.dsl.syntax import (
@@ -33,9 +34,8 @@ from roboscribe.dsl.syntax import (
     Var,
 )
 from roboscribe.world.layout import Attribute, FloatArray, Layout, ObjectType
+from roboscribe.world.units import is_angle, is_length, is_speed
 
-COMPARABLE = ("m", "rad")
-"""Units of which two attributes of one object may be compared: shares and flags need not be of the same thing."""
 MAX_ENTITIES = 2
 """Most entities one expression may mention; three would relate everything to everything."""
 
@@ -118,88 +118,117 @@ def enumerate_features(layout: Layout, named: Sequence[str]) -> tuple[Feature, .
     return tuple(dict.fromkeys(plain))
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """An object that predicates speak of.
+
+    Args:
+        item: how they call it.
+        kind: its type, or that of the entity whose goal it is.
+    """
+
+    item: Object
+    kind: ObjectType
+
+    @property
+    def attributes(self) -> tuple[Attribute, ...]:
+        """What predicates may speak of: no speeds, and no task's own flag of success."""
+        described = self.kind.described(isinstance(self.item, Goal))
+        return tuple(a for a in described if not is_speed(a.unit) and a.unit != "flag")
+
+    def like(self, attribute: Attribute) -> Attribute | None:
+        """Return the attribute that measures the same as another object's; None where there is none."""
+        return next((a for a in self.attributes if same_measure(a, attribute)), None)
+
+    def at(self, attribute: Attribute, ranks: tuple[int, ...] | None = None) -> Iterator[Proj]:
+        """Yield the projection on some components, by default all, if there is a way to say it."""
+        return projections(self.item, self.kind, attribute, ranks)
+
+
 def _expressions(layout: Layout, kinds: dict[str, ObjectType]) -> Iterator[Feature]:
     objects = _objects(layout, kinds)
-    for item, attributes in objects:
-        for attribute in attributes:
-            yield from _coordinates(item, attribute)
-        for attribute, begun in combinations(attributes, 2):
-            yield from _changes(item, attribute, begun)
-    for (one, theirs), (other, others) in combinations(objects, 2):
-        if len({*_mentions(one), *_mentions(other)}) <= MAX_ENTITIES:
-            for attribute in theirs:
-                if any(a.name == attribute.name and a.unit == attribute.unit for a in others):
-                    yield from _differences(one, other, attribute)
-    yield from _angles([item for item, attributes in objects if any(_planar(a) for a in attributes)])
+    for shown in objects:
+        for attribute in shown.attributes:
+            yield from _coordinates(shown, attribute)
+        for attribute, begun in combinations(shown.attributes, 2):
+            yield from _changes(shown, attribute, begun)
+    for one, other in combinations(objects, 2):
+        if len({*_mentions(one.item), *_mentions(other.item)}) <= MAX_ENTITIES:
+            for attribute in one.attributes:
+                yield from _differences(one, other, attribute)
+    planar: list[Attribute] = []
+    for attribute in (a for shown in objects for a in shown.attributes if a.plane):
+        if not any(same_measure(attribute, known) for known in planar):
+            planar.append(attribute)
+            yield from _angles(objects, attribute)
 
 
-def _objects(layout: Layout, kinds: dict[str, ObjectType]) -> list[tuple[Object, tuple[Attribute, ...]]]:
-    found: list[tuple[Object, tuple[Attribute, ...]]] = [(Robot(), layout.robot.attributes)]
-    found += [(Var(name), kind.attributes) for name, kind in kinds.items()]
-    found += [(Goal(Var(name)), kind.goal) for name, kind in kinds.items() if kind.goal]
-    return [(item, tuple(a for a in attributes if not _hidden(a))) for item, attributes in found]
+def _objects(layout: Layout, kinds: dict[str, ObjectType]) -> list[_Shown]:
+    found = [_Shown(Robot(), layout.robot)]
+    found += [_Shown(Var(name), kind) for name, kind in kinds.items()]
+    found += [_Shown(Goal(Var(name)), kind) for name, kind in kinds.items() if kind.goal]
+    return found
 
 
-def _hidden(attribute: Attribute) -> bool:
-    """Tell what no predicate may speak of: speeds, and a task's own flag of success."""
-    return attribute.unit.endswith("/s") or attribute.unit == "flag"
+def _coordinates(shown: _Shown, attribute: Attribute) -> Iterator[Feature]:
+    family = f"{shown.item}.{attribute.name}"
+    for rank in range(attribute.width):
+        for component in shown.at(attribute, (rank,)):
+            yield Feature(component, family=family)
+    if attribute.width > 1 and not is_length(attribute.unit):
+        for whole in shown.at(attribute):
+            yield Feature(Norm(whole), family=family, detail=attribute.width)
 
 
-def _coordinates(item: Object, attribute: Attribute) -> Iterator[Feature]:
-    family = f"{item}.{attribute.name}"
-    for component in attribute.components:
-        yield Feature(Proj(item, component), family=family)
-    if attribute.width > 1 and attribute.unit != "m":
-        yield Feature(Norm(Proj(item, _whole(attribute))), family=family, detail=attribute.width)
-
-
-def _changes(item: Object, attribute: Attribute, other: Attribute) -> Iterator[Feature]:
+def _changes(shown: _Shown, attribute: Attribute, other: Attribute) -> Iterator[Feature]:
     """Differences of two attributes of one object that measure the same, as a position and where it began."""
-    if (attribute.unit, attribute.width) == (other.unit, other.width) and attribute.unit in COMPARABLE:
-        family = f"{item}.{attribute.name}−{other.name}"
-        for one, two in zip(attribute.components, other.components, strict=True):
-            if one != two:
-                yield Feature(Diff(Proj(item, one), Proj(item, two)), family=family)
-        whole = Diff(Proj(item, attribute.name), Proj(item, other.name))
+    unit = attribute.unit
+    if (unit, attribute.width) == (other.unit, other.width) and (is_length(unit) or is_angle(unit)):
+        family = f"{shown.item}.{attribute.name}−{other.name}"
+        for rank in range(attribute.width):
+            for one, two in product(shown.at(attribute, (rank,)), shown.at(other, (rank,))):
+                yield Feature(Diff(one, two), family=family)
+        whole = Diff(Proj(shown.item, attribute.name), Proj(shown.item, other.name))
         yield Feature(Norm(whole), family=family, detail=attribute.width)
 
 
-def _differences(one: Object, other: Object, attribute: Attribute) -> Iterator[Feature]:
-    family = f"{one}−{other}.{attribute.name}"
-    for component in attribute.components:
-        yield Feature(Diff(Proj(one, component), Proj(other, component)), family=family)
-    fields = {_whole(attribute)}
-    if _planar(attribute):
-        fields.add("xy")
-    for field in sorted(fields):
-        term = Norm(Diff(Proj(one, field), Proj(other, field)))
-        yield Feature(term, family=family, detail=2 if field == "xy" else attribute.width)
+def _differences(one: _Shown, other: _Shown, attribute: Attribute) -> Iterator[Feature]:
+    theirs = other.like(attribute)
+    if theirs is None:
+        return
+    family = f"{one.item}−{other.item}.{attribute.name}"
+    for rank in range(attribute.width):
+        for near, far in product(one.at(attribute, (rank,)), other.at(theirs, (rank,))):
+            yield Feature(Diff(near, far), family=family)
+    whole = tuple(range(attribute.width))
+    for ranks in dict.fromkeys((attribute.plane or whole, whole)):
+        for near, far in product(one.at(attribute, ranks), other.at(theirs, ranks)):
+            yield Feature(Norm(Diff(near, far)), family=family, detail=len(ranks))
 
 
-def _angles(objects: list[Object]) -> Iterator[Feature]:
+def _angles(objects: list[_Shown], seen: Attribute) -> Iterator[Feature]:
     """Directions between two objects, and the angle at which two objects are seen from a third."""
-    for one, other in combinations(objects, 2):
-        yield Feature(_direction(one, other), family=f"∠{one}{other}")
-    for apex in objects:
-        for one, other in combinations([o for o in objects if o != apex], 2):
-            if len({*_mentions(apex), *_mentions(one), *_mentions(other)}) == 1:
+    ends = [end for shown in objects for end in _planar(shown, seen)]
+    for one, other in combinations(ends, 2):
+        yield Feature(_direction(one, other), family=f"∠{one.of}{other.of}")
+    for apex in ends:
+        for one, other in combinations([end for end in ends if end != apex], 2):
+            if len({*_mentions(apex.of), *_mentions(one.of), *_mentions(other.of)}) == 1:
                 angle = Diff(_direction(one, apex), _direction(other, apex))
-                family = f"∠{one}{apex}{other}"
+                family = f"∠{one.of}{apex.of}{other.of}"
                 yield Feature(angle, family=family)
                 yield Feature(Norm(angle), family=family, detail=2)
 
 
-def _direction(one: Object, other: Object) -> Term:
-    return Arctan2(Diff(Proj(one, "xy"), Proj(other, "xy")))
+def _planar(shown: _Shown, seen: Attribute) -> Iterator[Proj]:
+    """Where an object is as seen from above."""
+    attribute = shown.like(seen)
+    if attribute is not None:
+        yield from shown.at(attribute, attribute.plane)
 
 
-def _planar(attribute: Attribute) -> bool:
-    return attribute.unit == "m" and {"x", "y"} <= set(attribute.components)
-
-
-def _whole(attribute: Attribute) -> str:
-    letters = all(len(component) == 1 for component in attribute.components)
-    return "".join(attribute.components) if letters else attribute.name
+def _direction(one: Proj, other: Proj) -> Term:
+    return Arctan2(Diff(one, other))
 
 
 def _mentions(item: Object) -> tuple[str, ...]:

@@ -10,10 +10,10 @@ one product of matrices.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import combinations
+from math import inf
 
 import numpy as np
 
@@ -52,7 +52,8 @@ class Enumeration:
     """What a search found, and how much it judged.
 
     Args:
-        best: the cheapest separating predicate, of equals the most accurate; None when there is none.
+        best: the separating predicate that costs least, its exceptions counted, of equals the most accurate; None when
+            there is none.
         candidates: conjunctions judged.
         simpler: of these, how many cost no more than the best.
     """
@@ -78,13 +79,25 @@ def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predic
     return enumerate_conjunctions(atoms, positive, tolerance).best
 
 
-def enumerate_conjunctions(atoms: Atoms, positive: BoolArray, tolerance: float, budget: int = BUDGET) -> Enumeration:
-    """Judge every conjunction of up to three literals, as long as the budget lasts; arguments as `top_down_enum`."""
+def enumerate_conjunctions(
+    atoms: Atoms, positive: BoolArray, tolerance: float, budget: int = BUDGET, exception_bits: float = 0.0
+) -> Enumeration:
+    """Judge every conjunction of up to three literals, as long as the budget lasts.
+
+    Args:
+        atoms: as in `top_down_enum`.
+        positive: as there.
+        tolerance: as there.
+        budget: most conjunctions judged.
+        exception_bits: what it takes to say of one example that it is judged wrongly, compared with what it takes to
+            name the predicate among those that cost no more; 0 takes the cheapest whatever exceptions it needs.
+    """
     atoms, positives, negatives = _counted(atoms, positive)
-    evaluator = _CandidateEvaluator(literals(atoms), positives, negatives, tolerance, budget)
+    evaluator = _CandidateEvaluator(literals(atoms), positives, negatives, tolerance, budget, exception_bits)
     for length in range(1, LONGEST + 1):
         evaluator.judge_all(length)
-    return Enumeration(evaluator.cheapest(), evaluator.candidates, evaluator.count_up_to(evaluator.least))
+    best, cost = evaluator.best()
+    return Enumeration(best, evaluator.candidates, evaluator.count_up_to(cost))
 
 
 @dataclass(frozen=True)
@@ -177,7 +190,7 @@ def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
 
 @dataclass
 class _CandidateEvaluator:
-    """Every candidate passes here: it is counted, judged, and kept if nothing cheaper separates.
+    """Every candidate passes here: it is counted, judged, and kept if none that separates takes fewer bits.
 
     Args:
         literals: what conjunctions are made of.
@@ -185,6 +198,7 @@ class _CandidateEvaluator:
         negatives: (X,) how many negative ones.
         tolerance: share of either that may be judged wrongly.
         budget: most candidates.
+        exception_bits: as in `enumerate_conjunctions`.
     """
 
     literals: list[Literal]
@@ -192,9 +206,10 @@ class _CandidateEvaluator:
     negatives: FloatArray
     tolerance: float
     budget: int
+    exception_bits: float = 0.0
     candidates: int = 0
-    least: int = sys.maxsize
-    found: list[tuple[int, float, tuple[int, ...]]] = field(default_factory=list)
+    least: float = inf
+    found: list[tuple[float, int, float, tuple[int, ...]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
@@ -205,6 +220,8 @@ class _CandidateEvaluator:
         self.literals = [self.literals[i] for i in kept]
         self.tables = tables[kept]
         self.costs = np.array([p.cost for p in self.literals], dtype=np.int64)
+        dearest = LONGEST * int(self.costs.max(initial=0))
+        self.bits = np.log2([max(1, self.count_up_to(cost)) for cost in range(dearest + 1)])
 
     def judge_all(self, length: int) -> None:
         """Judge the conjunctions of `length` literals: one product of matrices for all with the same beginning."""
@@ -224,12 +241,14 @@ class _CandidateEvaluator:
         costs = prices + self.costs[list(beginning)].sum()
         fit = (kept >= self.shown - self._errors(self.shown)) & (accepted <= self._errors(self.hidden))
         fit = np.triu(fit, 1) if length > 1 else fit
-        self.least = min(self.least, int(costs.min(initial=self.least, where=fit)))
-        for i, j in np.argwhere(fit & (costs <= self.least)):
+        exceptions = self.shown - kept + accepted
+        bits = self.bits[costs] + self.exception_bits * exceptions
+        self.least = min(self.least, float(bits.min(initial=self.least, where=fit)))
+        for i, j in np.argwhere(fit & (bits <= self.least)):
             chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
             missed = (self.shown - float(kept[i, j])) / max(1.0, self.shown)
             wrong = round(missed + float(accepted[i, j]) / max(1.0, self.hidden), 12)
-            self.found.append((self.least, wrong, chosen))
+            self.found.append((self.least, int(costs[i, j]), wrong, chosen))
 
     def _errors(self, examples: float) -> float:
         """Return how many of so many examples may be judged wrongly."""
@@ -240,8 +259,13 @@ class _CandidateEvaluator:
         pairs = np.add.outer(self.prices, self.prices)[np.triu_indices(len(self.prices), 1)]
         return int((self.prices <= cost).sum() + (pairs <= cost).sum())
 
-    def cheapest(self) -> Predicate | None:
-        """Return the cheapest candidate found, then the most accurate, then the first by its text."""
-        least = min((f[:2] for f in self.found), default=None)
-        equals = [conjunction([self.literals[i].predicate for i in f[2]]) for f in self.found if f[:2] == least]
-        return min(equals, key=str, default=None)
+    def best(self) -> tuple[Predicate | None, int]:
+        """Return the candidate found that takes the fewest bits, and its cost.
+
+        Of equals it is the cheapest, then the most accurate, then the first by its text.
+        """
+        if not self.found:
+            return None, 0
+        least = min(found[:3] for found in self.found)
+        equals = [conjunction([self.literals[i].predicate for i in f[3]]) for f in self.found if f[:3] == least]
+        return min(equals, key=str), least[1]

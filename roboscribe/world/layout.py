@@ -14,6 +14,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from roboscribe.world.units import is_length, is_speed
+
 FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -26,7 +28,8 @@ class Attribute:
     Args:
         name: for instance "position" or "opening".
         components: one name per number; a scalar attribute has its own name as its only component.
-        unit: "m", "rad", "m/s", "rad/s", "1", "quaternion" (unit norm) or "flag" (0 or 1, in no predicate).
+        unit: a length or an angle, see `units`; either with "/s" for its speed; "quaternion" (unit norm); "flag" (0 or
+            1, in no predicate); or any other, such as "1", whose numbers are only compared with their like.
         low: least value that can be right, in `unit`.
         high: greatest value that can be right, in `unit`.
     """
@@ -45,7 +48,23 @@ class Attribute:
     @property
     def is_place(self) -> bool:
         """Whether it says how things are, number by number: no velocity, and no quaternion."""
-        return not self.unit.endswith("/s") and self.unit not in ("quaternion", "flag")
+        return not is_speed(self.unit) and self.unit not in ("quaternion", "flag")
+
+    @property
+    def plane(self) -> tuple[int, ...]:
+        """Ranks of the two components seen from above, the first two but for z; none where there are not two."""
+        flat = [rank for rank, name in enumerate(self.components) if name != "z"]
+        return tuple(flat[:2]) if is_length(self.unit) and self.width in (2, 3) and len(flat) >= 2 else ()
+
+    def picked(self, field: str) -> tuple[int, ...] | None:
+        """Return the ranks of one component, or of several one-letter components in order ("xy"); None if neither."""
+        names = self.components
+        if field in names:
+            return (names.index(field),)
+        if field and set(field) <= set(names) and all(len(name) == 1 for name in names):
+            ranks = tuple(names.index(letter) for letter in field)
+            return ranks if list(ranks) == sorted(set(ranks)) else None
+        return None
 
 
 @dataclass(frozen=True)
@@ -64,23 +83,41 @@ class ObjectType:
         """Resolve what follows `↓`.
 
         Args:
-            field: an attribute's name, one component, or several one-letter components in order ("xy").
+            field: an attribute's name, one component, or several one-letter components in order ("xy"); where another
+                attribute before it has them, too, with its name and _ before them ("handle_xy").
             goal: look among the goal's attributes.
 
         Returns:
             The attribute and the positions taken from it; None when the type has no such field.
         """
-        for attribute in self.described(goal):
-            names = attribute.components
-            if field == attribute.name:
-                return attribute, tuple(range(len(names)))
-            if field in names:
-                return attribute, (names.index(field),)
-            if field and set(field) <= set(names) and all(len(name) == 1 for name in names):
-                picked = tuple(names.index(letter) for letter in field)
-                if list(picked) == sorted(set(picked)):
-                    return attribute, picked
+        described = self.described(goal)
+        for attribute in described:
+            picked = tuple(range(attribute.width)) if field == attribute.name else attribute.picked(field)
+            if picked is not None:
+                return attribute, picked
+        for attribute in described:
+            picked = attribute.picked(field.removeprefix(f"{attribute.name}_"))
+            if picked is not None and field.startswith(f"{attribute.name}_"):
+                return attribute, picked
         return None
+
+    def spell(self, attribute: Attribute, ranks: tuple[int, ...] | None = None, *, goal: bool = False) -> str | None:
+        """Spell what `find` resolves to an attribute, or to some of its components; the shortest way.
+
+        Args:
+            attribute: one of the type's, or of its goal's.
+            ranks: of the components, ascending; None takes all of them.
+            goal: whether it is the goal's.
+
+        Returns:
+            What follows `↓`; None where there is no way to say it.
+        """
+        whole = tuple(range(attribute.width))
+        asked = whole if ranks is None else ranks
+        names = [attribute.components[rank] for rank in asked]
+        joined = "".join(names)
+        spellings = (joined, *([attribute.name] if asked == whole else []), f"{attribute.name}_{joined}")
+        return next((field for field in spellings if self.find(field, goal) == (attribute, asked)), None)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,9 @@ import numpy as np
 
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import Trajectory
+from roboscribe.world.units import in_si, is_angle, is_length
 
-_NOTICED = {"m": 0.01, "rad": 0.5}  # changes below these are touches; of any other unit a tenth
+_NOTICED_LENGTH, _NOTICED_ANGLE, _NOTICED = 0.01, 0.5, 0.1  # m, rad, any other unit: changes below these are touches
 _MOVED = 0.1  # share of an episode's largest displacement that counts as "displaced"
 
 
@@ -102,7 +103,8 @@ def _displaced(trajectory: Trajectory, states: FloatArray, origin: FloatArray) -
 
 
 def _worth_noticing(unit: str, change: float) -> bool:
-    return change > _NOTICED.get(unit, 0.1)
+    least = _NOTICED_LENGTH if is_length(unit) else _NOTICED_ANGLE if is_angle(unit) else _NOTICED
+    return change * in_si(unit) > least
 
 
 def _change(states: FloatArray, layout: Layout, entity: int, attribute: str) -> FloatArray:

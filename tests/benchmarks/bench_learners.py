@@ -19,7 +19,7 @@ from roboscribe.dsl.parser import parse_program
 from roboscribe.envs.catalogue import make_task
 from roboscribe.rl import clone as cloning
 from roboscribe.rl.config import CloneConfig, PpoConfig, SacConfig, TrainConfig
-from roboscribe.rl.inverse_dynamics import ALL_UNITS, fit_inverse, probe, random_actions
+from roboscribe.rl.inverse_dynamics import fit_inverse, probe, random_actions
 from roboscribe.rl.learner import LearnerTask
 from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.program_training import ProgramTraining
@@ -174,7 +174,7 @@ def bench_inverse(training: ProgramTraining, watch: Watch) -> Figures:
     entities = np.repeat(frames.entities, config.tries, axis=0)
     data = probe(world, snapshots, entities, random_actions(1, len(snapshots), 4, rng))
     fitting = perf_counter()
-    fit_inverse(training.spec(run, ALL_UNITS, ALL_UNITS), training.task.layout, data, config, 0)
+    fit_inverse(training.spec(run, speeds=True), training.task.layout, data, config, 0)
     end = perf_counter()
     return Figures("inverse dynamics", config.steps, config.batch, len(data), end - start, watch.seconds, end - fitting)
 

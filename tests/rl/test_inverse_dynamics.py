@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.rl.config import CloneConfig, InverseConfig, TrainConfig
-from roboscribe.rl.inverse_dynamics import ALL_UNITS, explore, fit_inverse, probe, random_actions
+from roboscribe.rl.inverse_dynamics import explore, fit_inverse, probe, random_actions
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
@@ -22,7 +22,7 @@ from tests.rl.carry_world import HOLD, PROGRAM, Carry, Direct, layout
 
 TASK = Carry()
 QUICK = InverseConfig(steps=400, hidden=(32, 32), tries=4)
-SPEC = observation_spec(controllers(PROGRAM)[1], {"b": "block"}, layout(), ALL_UNITS)
+SPEC = observation_spec(controllers(PROGRAM)[1], {"b": "block"}, layout(), speeds=True)
 
 
 def snapshots(count: int, seed: int) -> NDArray[np.floating[Any]]:

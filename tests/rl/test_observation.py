@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.errors import ArtifactError
@@ -108,13 +109,13 @@ def test_a_feature_that_hardly_varies_is_not_magnified() -> None:
     assert spec.std == (0.1, 0.01, 0.01), "radians, then metres of the difference"
 
 
-def test_attributes_of_other_units_are_left_out_unless_asked_for() -> None:
+def test_speeds_of_entities_are_left_out_unless_asked_for() -> None:
     fast = Attribute("velocity", ("vx", "vy"), "m/s")
     place = Attribute("position", ("x", "y"))
     wide = Layout(ObjectType("EE", (place, fast)), (ObjectType("block", (place, fast), (place,)),))
-    blind = observation_spec(HOLD, {"b": "block"}, wide, robot_units=("m",))
-    assert all(part.attribute == "position" for part in blind.parts)
-    more = observation_spec(HOLD, {"b": "block"}, wide, ("m", "m/s"))
+    usual = observation_spec(HOLD, {"b": "block"}, wide)
+    assert Part(0, "velocity") not in usual.parts
+    more = observation_spec(HOLD, {"b": "block"}, wide, speeds=True)
     assert Part(0, "velocity") in more.parts
     assert more.pairs == ((0, 2),), "velocities are not subtracted"
 
@@ -174,3 +175,28 @@ def test_damaged_json_is_refused(damage: dict[str, object]) -> None:
 def test_missing_field_is_refused() -> None:
     with pytest.raises(ArtifactError, match="types"):
         ObservationSpec.from_json({})
+
+
+def test_lengths_in_millimetres_are_seen_as_those_in_metres() -> None:
+    def scene(unit: str) -> Layout:
+        place = Attribute("position", ("x", "y"), unit)
+        return Layout(ObjectType("EE", (place,)), (ObjectType("block", (place,), (place,)),))
+
+    states = np.random.default_rng(0).uniform(0.0, 0.1, (9, 6))
+    entities = np.zeros((9, 1), int)
+
+    def seen(unit: str, factor: float) -> NDArray[np.float32]:
+        layout, shown = scene(unit), states * factor
+        return Encoder(observation_spec(AT, {"b": "block"}, layout).fitted(layout, shown, entities), layout)(
+            shown, entities
+        )
+
+    metres, millimetres = seen("m", 1.0), seen("mm", 1000.0)
+    np.testing.assert_allclose(metres, millimetres, rtol=1e-5, atol=1e-5)
+
+
+def test_readings_in_other_units_are_seen() -> None:
+    force = Attribute("force", ("force",), "N")
+    place = Attribute("position", ("x", "y"))
+    scene = Layout(ObjectType("EE", (place, force)), (ObjectType("block", (place, force), (place,)),))
+    assert {Part(0, "force"), Part(-2, "force")} <= set(observation_spec(HOLD, {"b": "block"}, scene).parts)

@@ -99,3 +99,20 @@ def test_every_feature_of_a_named_entity_mentions_it() -> None:
     mentioned = [f for f in enumerate_features(ONE, ["b1"]) if "b1" in str(f.term)]
     assert all(free_vars(f.below(1.0)) == ("b1",) for f in mentioned)
     assert isinstance(mentioned[0], Feature)
+
+
+@pytest.mark.parametrize(("unit", "names"), [("mm", ("x", "y")), ("ft", ("u", "v")), ("m", ("east", "north"))])
+def test_directions_are_offered_in_any_unit_of_length_and_by_any_name(unit: str, names: tuple[str, ...]) -> None:
+    place = Attribute("position", names, unit)
+    layout = Layout(ObjectType("EE", (place,)), (ObjectType("puck", (place,), (place,)),))
+    whole = "".join(names) if len(names[0]) == 1 else "position"
+    terms = {str(feature.term) for feature in enumerate_features(layout, ("p1",))}
+    assert f"arctan2(μ↓{whole} − p1↓{whole}) − arctan2(g(p1)↓{whole} − p1↓{whole})" in terms
+
+
+def test_two_attributes_with_the_same_components_are_both_on_offer() -> None:
+    place, handle = Attribute("position", ("x", "y")), Attribute("handle", ("x", "y"))
+    layout = Layout(ObjectType("EE", (place,)), (ObjectType("door", (place, handle), (handle,)),))
+    terms = {str(feature.term) for feature in enumerate_features(layout, ("d1",))}
+    assert {"d1↓x", "d1↓handle_x", "‖d1↓handle − g(d1)↓xy‖", "‖μ↓xy − d1↓xy‖"} <= terms
+    assert "‖d1↓xy − g(d1)↓xy‖" not in terms

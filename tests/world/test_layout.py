@@ -53,6 +53,38 @@ def test_what_is_no_field_is_not_found(field: str) -> None:
     assert BLOCK.find(field, goal=True) is None
 
 
+def test_components_that_two_attributes_share_are_told_apart_by_the_attribute() -> None:
+    place, handle = Attribute("position", ("x", "y")), Attribute("handle", ("x", "y"))
+    door = ObjectType("door", (place, handle), (handle,))
+    assert (door.spell(place), door.spell(place, (1,))) == ("xy", "y")
+    assert (door.spell(handle), door.spell(handle, (1,))) == ("handle", "handle_y")
+    assert door.spell(handle, (1,), goal=True) == "y", "its goal has but one attribute"
+    assert door.find("handle_y") == (handle, (1,))
+    assert door.find("handle_xy") == (handle, (0, 1))
+    assert door.find("handle_z") is None
+
+
+def test_what_cannot_be_spelled_is_not() -> None:
+    place = Attribute("place", ("east", "north", "height"))
+    assert ObjectType("tree", (place,)).spell(place, (0, 1)) is None
+    assert ObjectType("tree", (place,)).spell(place) == "place"
+
+
+@pytest.mark.parametrize(
+    ("components", "unit", "plane"),
+    [
+        (("x", "y", "z"), "m", (0, 1)),
+        (("u", "v"), "mm", (0, 1)),
+        (("z", "y", "x"), "cm", (1, 2)),
+        (("x", "z"), "m", ()),
+        (("rx", "ry", "rz"), "rad", ()),
+        (("opening",), "m", ()),
+    ],
+)
+def test_the_plane_is_what_is_seen_from_above(components: tuple[str, ...], unit: str, plane: tuple[int, ...]) -> None:
+    assert Attribute("place", components, unit).plane == plane
+
+
 def test_a_field_is_located_for_every_entity_and_null() -> None:
     place = LAYOUT.place("opening")
     assert place.columns[:, 0].tolist() == [-1, 13, -1, -1]

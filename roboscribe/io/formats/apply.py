@@ -12,6 +12,7 @@ from roboscribe.io.formats.foreign import ACTION, SNAPSHOT, Contents, Recording
 from roboscribe.io.formats.mapping import Absent, ColumnMapping, Constant, Given, Origin, RateOf
 from roboscribe.world import Attribute, Task, Trajectory
 from roboscribe.world.layout import FloatArray
+from roboscribe.world.units import is_angle, turn
 
 
 def check_widths(recording: Recording, contents: Contents, *, episode: int, source: str) -> None:
@@ -107,8 +108,8 @@ def _rate(values: FloatArray, attribute: Attribute, frequency: float) -> FloatAr
     Angles take the short way round.
     """
     steps = np.diff(values, axis=0)
-    if attribute.unit == "rad":
-        steps = (steps + np.pi) % (2 * np.pi) - np.pi
+    if is_angle(attribute.unit):
+        steps -= turn(attribute.unit) * np.round(steps / turn(attribute.unit))
     first = steps[:1] if len(steps) else np.zeros((1, values.shape[1]))
     rates: FloatArray = np.concatenate([first, steps])[: len(values)] * frequency
     return rates
