@@ -11,7 +11,7 @@ import numpy as np
 
 from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import Segment, segment
-from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
+from roboscribe.dsl.rewrite import conjunction, controllers, free_vars, run_variables, walk
 from roboscribe.dsl.semantics import evaluate
 from roboscribe.dsl.syntax import Exists, Get, Not, Predicate, Program, Run, Seq, Solved, Truth, While
 from roboscribe.reward import atom_term, atoms
@@ -158,15 +158,15 @@ class ProgramTraining:
     def continues_if(self, run: Run) -> Predicate:
         """Return where the program goes on after `run`; the last statement is to bring ψ_R about, not only its own φ.
 
-        The last statement of a loop that comes last goes on while there is another entity.
+        The last statement of a loop that comes last goes on while there is another entity. What the loop's guard names
+        besides is whatever an earlier get binds it to.
         """
         body = self.program.body
         last = body.parts[-1] if isinstance(body, Seq) and body.parts else body
         if not self.solve or isinstance(run.until, Solved):
             return Truth()
         if isinstance(last, While) and isinstance(last.guard, Get) and controllers(last.body)[-1] is run:
-            get = last.guard
-            return Exists(get.var, get.type, get.where)
+            return _some(last.guard, [part for part in walk(self.program) if isinstance(part, Get)])
         return Not(Truth()) if last is run else Truth()
 
     def title(self, run: Run) -> str:
@@ -266,6 +266,15 @@ class ProgramTraining:
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
         affordable = max(1, int(most / 4 / self.subtask(run).limit))
         return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps
+
+
+def _some(get: Get, earlier: Sequence[Get]) -> Predicate:
+    """Say that an entity is there to get, whatever `earlier` ones bound: those without like need no further words."""
+    found: Predicate = Exists(get.var, get.type, get.where)
+    for each in reversed(earlier):
+        if each.var.name in free_vars(found):
+            found = Exists(each.var, each.type, conjunction([each.where, found]))
+    return found
 
 
 def step_limits(

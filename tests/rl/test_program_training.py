@@ -1,5 +1,6 @@
 """What follows from a program for one of its skills."""
 
+import numpy as np
 import pytest
 
 from roboscribe.dsl.parser import parse_predicate, parse_program
@@ -7,7 +8,8 @@ from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Not, Predicate, Program, Truth
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.program_training import ProgramTraining
-from tests.rl.carry_world import Carry
+from roboscribe.world.layout import BoolArray, FloatArray, Layout, ObjectType
+from tests.rl.carry_world import PLANE, Carry
 
 LOOP = """def P(μ : EE):
   while (b := get(λb:block. ¬‖b↓xy − g(b)↓xy‖ < 0.08)) ≠ null:
@@ -42,3 +44,38 @@ def test_the_last_statement_is_to_bring_the_task_about(text: str, continues_if: 
     runs = controllers(program)
     assert [training(program).continues_if(run) for run in runs] == continues_if
     assert [training(program, solve=False).continues_if(run) for run in runs] == [Truth()] * len(runs)
+
+
+NEAR_FIRST = """def P(μ : EE):
+  m := get(λm:marker. true);
+  while (b := get(λb:block. ¬‖b↓xy − g(b)↓xy‖ < 0.08 ∧ ¬∃o:block. ‖m↓xy − o↓xy‖ < ‖m↓xy − b↓xy‖)) ≠ null:
+    π_at(μ, b, g(b)) until ‖b↓xy − g(b)↓xy‖ < 0.08"""
+
+
+class Marked(Carry):
+    """Blocks, and a marker that never moves."""
+
+    @property
+    def layout(self) -> Layout:
+        """Add the marker."""
+        blocks = super().layout
+        return Layout(blocks.robot, (*blocks.entities, ObjectType("marker", (PLANE,))))
+
+    def solved(self, states: FloatArray) -> BoolArray:
+        """All blocks are at their goals."""
+        return super().solved(states[..., : super().layout.size])
+
+
+def test_a_guard_may_speak_of_what_was_bound_before_its_loop() -> None:
+    """The program goes on while there is a block to get, the one nearest to the marker; then ψ_R decides."""
+    program = parse_program(NEAR_FIRST)
+    task = Marked(blocks=2)
+    (run,) = controllers(program)
+    subtask = ProgramTraining(task, program, (), TrainConfig(), 0, solve=True).subtask(run)
+    states = np.zeros((3, task.layout.size))
+    states[:, [4, 5, 8, 9]] = 0.2  # the goals
+    states[1:, [2, 3]] = 0.2  # the first block is there
+    states[2, [6, 7]] = 0.2  # the second one, too
+    entities = np.zeros((3, 1), np.int64)
+    assert subtask.achieved(states, entities).tolist() == [False, True, True]
+    assert subtask.achieved(states, entities + 1).tolist() == [False, False, True]
