@@ -71,8 +71,14 @@ DISTURB_HELP = "noise=M (of positions, m), delay=STEPS, push=M/S, slip=PER_SECON
 DISTURB_HELP += "mass=TIMES or size=TIMES; repeatable"
 ProgramName = Annotated[str, typer.Argument(help=PROGRAM_HELP, metavar="PROGRAM")]
 Seed = Annotated[int, typer.Option(min=0, help="decides everything random")]
-Contact = Annotated[str, typer.Option(help="contact model: stable or paper")]
-Timing = Annotated[str, typer.Option(help="simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)")]
+CONTACT_HELP = "contact model: stable or paper"
+TIMING_HELP = "simulator timing: fast (10 x 4 ms) or faithful (20 x 2 ms)"
+AS_MADE = "; left out: as when the program was made"
+Contact = Annotated[str, typer.Option(help=CONTACT_HELP)]
+Timing = Annotated[str, typer.Option(help=TIMING_HELP)]
+OwnContact = Annotated[str | None, typer.Option("--contact", help=CONTACT_HELP + AS_MADE)]
+OwnTiming = Annotated[str | None, typer.Option("--timing", help=TIMING_HELP + AS_MADE)]
+Horizon = Annotated[int | None, typer.Option(min=1, help=HORIZON_HELP)]
 
 
 @app.callback(epilog=EXAMPLES)
@@ -159,9 +165,9 @@ def evaluate(
     seed: Seed = 0,
     disturb: Annotated[list[str] | None, typer.Option(help=DISTURB_HELP, metavar="KIND=STRENGTH")] = None,
     json: JsonFile = None,
-    contact: Contact = "stable",
-    timing: Timing = "fast",
-    horizon: Annotated[int | None, typer.Option(min=1, help=HORIZON_HELP)] = None,
+    contact: OwnContact = None,
+    timing: OwnTiming = None,
+    horizon: Horizon = None,
     quiet: Quiet = False,
     home: HomeDir = Path(),
 ) -> None:
@@ -181,8 +187,10 @@ def evaluate(
     assert isinstance(failing, list)
     if failing:
         listed = ", ".join(map(str, failing[:20])) + ", …" * (len(failing) > 20)
-        same = f" --task {task}" * (task is not None) + f" --seed {seed}" * (seed != 0)
-        say(f"failing episodes: {listed} (to see one: roboscribe render {program}{same} --episode {failing[0]})")
+        options = {"task": task, "contact": contact, "timing": timing, "horizon": horizon, "seed": seed or None}
+        same = "".join(f" --{name} {value}" for name, value in options.items() if value is not None)
+        hint = f" (to see one: roboscribe render {program}{same} --episode {failing[0]})" * (not disturb)
+        say(f"failing episodes: {listed}{hint}")
     write_result(json, result)
 
 
@@ -196,8 +204,9 @@ def render(
     grid: Annotated[str, typer.Option(help="episodes at once, columns x rows, for instance 3x3")] = "1x1",
     slow: Annotated[bool, typer.Option("--slow", help="at a quarter of the world's speed")] = False,
     seed: Seed = 0,
-    contact: Contact = "stable",
-    timing: Timing = "fast",
+    contact: OwnContact = None,
+    timing: OwnTiming = None,
+    horizon: Horizon = None,
     home: HomeDir = Path(),
 ) -> None:
     """Film episodes, as `evaluate` numbers them: the scene beside the program with the line that acts."""
@@ -214,7 +223,7 @@ def render(
     check_suffix(out)
     make_room(out)
     with program_directory(program, Workspace(home).mlruns) as directory, _bar() as report:
-        opened, where = load_with_task(directory, task, contact, timing)
+        opened, where = load_with_task(directory, task, contact, timing, horizon)
         episodes = list(range(first, first + count))
         if failing:
             episodes = film_selection.failing_episodes(opened, where, seed, count, first, report)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 
+from roboscribe.defaults import CONTACT, TIMING
 from roboscribe.evaluation import failures, measure
 from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import PROGRAM, load_program
@@ -21,15 +22,19 @@ log = logging.getLogger(__name__)
 
 
 def load_with_task(
-    directory: Path, task: str | None, contact: str, timing: str, horizon: int | None = None
+    directory: Path,
+    task: str | None,
+    contact: str | None = None,
+    timing: str | None = None,
+    horizon: int | None = None,
 ) -> tuple[Runnable, TaskConfig]:
     """Load a program and check that it can run on a task.
 
     Args:
         directory: of the program.
         task: where it shall run; None is the task for which it was made.
-        contact: contact model.
-        timing: simulator steps per control step.
+        contact: contact model; None is the one under which the program was made, in another task the usual one.
+        timing: simulator steps per control step; None likewise.
         horizon: control steps of an episode; None is as many as when the program was made, in another task its own.
 
     Returns:
@@ -45,7 +50,8 @@ def load_with_task(
         log.warning("%s was edited since the program was saved", directory / PROGRAM)
     if task is None:
         task, horizon = str(saved.manifest["task"]), horizon or saved.horizon
-    where = TaskConfig(task, contact, timing, horizon=horizon)
+        contact, timing = contact or saved.contact, timing or saved.timing
+    where = TaskConfig(task, contact or CONTACT, timing or TIMING, horizon=horizon)
     return open_saved(saved, where.make(), str(directory)), where
 
 

@@ -28,6 +28,8 @@ from roboscribe.stages.tracking.mlflow_store import NOTE_TAG, adopt
 from roboscribe.stages.tracking.source import source_tags
 
 SEEDS = re.compile(r"\d+(-\d+)?(,\d+(-\d+)?)*")
+KILLED = 128
+"""Exit code that a signal's number is added to."""
 MOST = 1000
 """Seeds of one sweep: a slip of the finger is not asked for a million runs."""
 
@@ -130,7 +132,8 @@ class SeedSweep:
         with log.open("wb") as output:
             process = subprocess.Popen(self._words(seed, told), stdout=output, stderr=output, stdin=subprocess.DEVNULL)
             self._running.append(process)
-            code = process.wait()
+            ended = process.wait()
+            code = ended if ended >= 0 else KILLED - ended  # as a shell has it for what a signal ended
         self._running.remove(process)
         if code == 0:
             result = parse_json(told.read_text(encoding="utf-8"))

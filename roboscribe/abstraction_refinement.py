@@ -108,11 +108,12 @@ def _unexplained(
         return failed
     better = True
     while better and not line.limits.met(found.outcome):
-        again = line.attempt(found.program, psi, found.tree, found.skills)
-        if isinstance(again, Fail):
+        trained = line.attempt(found.program, psi, found.tree, found.skills)
+        if isinstance(trained, Fail):
             return found
-        before, found = found, Solution(found.program, found.tree, *again)
-        better = found.outcome.interval[0] > before.outcome.interval[1]
+        again = Solution(found.program, found.tree, *trained)
+        better = again.outcome.interval[0] > found.outcome.interval[1]
+        found = again if again.rate >= found.rate else found
     return found if found.outcome.successes else failed
 
 
@@ -144,17 +145,20 @@ def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> S
 
 def _less(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> Solution[Skills] | None:
     """Take one subgoal or atom out, the latest that is not needed; what it was needed for may be next."""
-    check = steps.check or steps.roll_out
+    least = min(limits.success, found.rate)
     for node in reversed(found.tree.nodes[2:]):
         for shorter, what in _shorter(node):
             tree = found.tree.without(node.name) if shorter is None else found.tree.replacing(shorter)
             possible = possible_program(tree, steps) if len(tree.nodes) > 2 else Fail("nothing would be left")
             if isinstance(possible, Fail):
                 continue
-            outcome = check(possible.program, ROOT, found.skills)
-            if outcome.rate >= min(limits.success, found.rate):
+            if steps.check is not None and steps.check(possible.program, ROOT, found.skills).rate < least:
+                continue
+            outcome = steps.roll_out(possible.program, ROOT, found.skills)
+            if outcome.rate >= least:
                 steps.tell(Removed(what, outcome.rate))
-                return replace(found, program=possible.program, tree=tree, removed=(*found.removed, what))
+                removed = (*found.removed, what)
+                return replace(found, program=possible.program, tree=tree, outcome=outcome, removed=removed)
     return None
 
 

@@ -20,7 +20,8 @@ TRIED = "trained and did not help"
 BY_DEGREES, IN_KIND = 1, 2
 """What a choice gives away that takes the next best: hardly anything where it is worse by degrees alone."""
 PROMISING = 0.5
-"""Share of the episodes from which on a program that reaches its goal may owe its failures to its controllers."""
+"""Share of the episodes from which on a program that reaches its goal may owe its failures to its controllers, and from
+which on one without any subgoal is better than none."""
 
 
 @dataclass
@@ -135,7 +136,8 @@ class Line(Generic[Skills]):
         search.trained += 1
         skills = steps.train(program, psi, tree, skills)
         outcome = steps.roll_out(program, psi, skills)
-        if psi == ROOT and len(tree.nodes) > 2 and outcome.successes:
+        blind = tree == Tree()
+        if psi == ROOT and outcome.successes and (not blind or outcome.rate >= PROMISING):
             search.keep(Solution(program, tree, skills, outcome, tuple(self.refinements)), self.taken)
         return skills, outcome
 

@@ -18,6 +18,9 @@ from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import AGREEMENT
 
+DIGITS = range(3, 16)
+"""Significant digits of a threshold: as few as will do."""
+
 
 def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
     """Find when `one` is reached before `other`, as a predicate on the initial state.
@@ -66,8 +69,14 @@ def _telling_reading(evidence: Evidence, first: BoolArray) -> Predicate | None:
             if len(cuts) and missed.min() <= 1.0 - AGREEMENT:
                 best = np.flatnonzero(missed == missed.min())
                 widest = best[np.argmax(np.diff(levels)[best])]
-                return side(term, Const(float(f"{cuts[widest]:.3g}")))
+                return side(term, Const(_rounded(float(levels[widest]), float(levels[widest + 1]))))
     return None
+
+
+def _rounded(below: float, above: float) -> float:
+    """Return the middle of two numbers, with the fewest digits with which it lies between them."""
+    middle = (below + above) / 2
+    return next((r for digits in DIGITS if below < (r := float(f"{middle:.{digits}g}")) < above), middle)
 
 
 def _lasting_readings(evidence: Evidence) -> Iterator[Term]:

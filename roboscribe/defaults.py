@@ -10,3 +10,7 @@ ROLLOUT_EPISODES = 100
 """Episodes in which each program of Algorithm 2 is tried."""
 EVALUATION_EPISODES = 500
 """Episodes of a final evaluation."""
+CONTACT = "stable"
+"""Contact model."""
+TIMING = "fast"
+"""Simulator timing."""

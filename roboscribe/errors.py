@@ -34,6 +34,18 @@ class Fail:
     reason: str
 
 
+def expected(name: str, value: float, least: float, most: float | None = None) -> None:
+    """Refuse a setting that is out of range.
+
+    Raises:
+        TaskError: it is less than `least`, or more than `most` where that is given.
+    """
+    if value < least or (most is not None and value > most):
+        span = f"at least {least:g}" if most is None else f"{least:g} to {most:g}"
+        msg = f"{name}: found {value:g}, expected {span}"
+        raise TaskError(msg)
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a hint for a name that is not known, "did you mean tower-5? " for instance; empty where none is near."""
     near = get_close_matches(name, list(known), n=1)

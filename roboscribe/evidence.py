@@ -17,6 +17,10 @@ from roboscribe.world.layout import ROBOT, BoolArray, FloatArray, IntArray, Layo
 from roboscribe.world.naming import by_displacement
 from roboscribe.world.trajectory import AGREEMENT, NEVER, Trajectory, first_true, restored
 
+JITTER = 8.0
+"""Times its usual step that a reading ranges over where it is more than noise about one place: a thousand readings of
+noise range over seven."""
+
 
 @dataclass(frozen=True)
 class Passage:
@@ -120,9 +124,9 @@ class Evidence:
 
     @cached_property
     def moved(self) -> frozenset[str]:
-        """Names of the entities of which some demonstration changes anything but the goal."""
+        """Names of the entities of which some demonstration changes anything but the goal, by more than it jitters."""
         own = [(e, c) for (e, _, goal), c in self.layout.columns.items() if e != ROBOT and not goal]
-        changed = np.any([np.ptp(t.states, axis=0) > 0.0 for t in self.trajectories], axis=0)
+        changed = np.any([_goes_places(t.states) for t in self.trajectories], axis=0)
         return frozenset(self.layout.names[e] for e, columns in own if changed[columns].any())
 
     @cached_property
@@ -276,3 +280,10 @@ def _swapped(order: Sequence[int], one: int, other: int) -> tuple[int, ...]:
     swapped = list(order)
     swapped[one], swapped[other] = order[other], order[one]
     return tuple(swapped)
+
+
+def _goes_places(states: FloatArray) -> BoolArray:
+    """Tell which numbers of a demonstration (T, F) do more than jitter about one place, (F,)."""
+    steps = np.abs(np.diff(states, axis=0))
+    usual = np.median(steps, axis=0) if len(steps) else np.zeros(states.shape[1])
+    return np.asarray(np.ptp(states, axis=0) > JITTER * usual, np.bool_)

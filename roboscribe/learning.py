@@ -11,7 +11,7 @@ from roboscribe.defaults import EVALUATION_EPISODES, ROLLOUT_EPISODES
 from roboscribe.dsl.fields import check_layout
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
-from roboscribe.errors import Fail
+from roboscribe.errors import Fail, expected
 from roboscribe.evaluation import measure, try_program
 from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, ground, grounds, settled_profile, stale
@@ -66,6 +66,8 @@ def synthesize(
         DemonstrationError: demonstrations that cannot be learned from.
         TaskError: an unknown task, or one that declares names which programs cannot speak of.
     """
+    expected("rollout_episodes", rollout_episodes, 1)
+    expected("evaluation_episodes", evaluation_episodes, 1)
     where = task_named(task)
     check_layout(where.layout)
     digest = demonstrations.digest if isinstance(demonstrations, Demonstrations) else ""
@@ -81,7 +83,7 @@ def synthesize(
     settings = (training or TrainConfig()).for_profile(chosen)
     evidence = Evidence.of(screened.kept, where.solved)
     asked = limits or Limits()
-    learning = Learning(where, evidence, seed, settings, rollout_episodes, asked, tell)
+    learning = Learning(where.light, evidence, seed, settings, rollout_episodes, asked, tell)
     name = task if isinstance(task, str) else task.name
     found = roboscribe(learning.steps(program_name(name)), TrainedControllers(), asked)
     if isinstance(found, Fail):
@@ -123,7 +125,7 @@ class Learning:
     """The pieces of Algorithm 2 that touch the robot's world.
 
     Args:
-        task: the world.
+        task: the world, a lighter one where the task has it.
         evidence: the demonstrations.
         seed: decides everything random.
         training: settings of the learners.

@@ -16,11 +16,11 @@ from roboscribe.dsl.printer import program_text, text
 from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.dsl.syntax import Program
 from roboscribe.envs.catalogue import make_task
-from roboscribe.errors import ProgramError
+from roboscribe.errors import ProgramError, expected
 from roboscribe.evaluation import Evaluation, Watch, ignore_counts, measure
 from roboscribe.html.code import program_html
 from roboscribe.html.style import standalone
-from roboscribe.io.saved_program import load_program
+from roboscribe.io.saved_program import SavedProgram, load_program
 from roboscribe.onnx_controllers import write_onnx
 from roboscribe.programs import program_directory
 from roboscribe.runnable import Runnable
@@ -172,10 +172,14 @@ def load(program: str | Path, task: Task | str | None = None) -> Policy:
     """
     with program_directory(program) as directory:
         saved = load_program(directory)
-        where = task_named(str(saved.manifest["task"]) if task is None else task)
-        if task is None and saved.horizon is not None:
-            where = where.lasting(saved.horizon)
+        where = _own_task(saved) if task is None else task_named(task)
         return Policy(open_saved(saved, where, str(directory)), where)
+
+
+def _own_task(saved: SavedProgram) -> Task:
+    """Build the task for which a program was made, as it was then."""
+    task = make_task(str(saved.manifest["task"]), contact=saved.contact, timing=saved.timing)
+    return task if saved.horizon is None else task.lasting(saved.horizon)
 
 
 def evaluate(
@@ -198,6 +202,7 @@ def evaluate(
     Raises:
         ArtifactError: see `load`; the others, too.
     """
+    expected("episodes", episodes, 1)
     policy = program if isinstance(program, Policy) else load(program, task)
     where = policy.task if task is None else task_named(task)
     return measure(policy.runnable, where, seed, episodes, watch)

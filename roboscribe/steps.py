@@ -13,7 +13,7 @@ from roboscribe.classifier import Refinement, alternative, learn_classifier
 from roboscribe.dsl.interpreter import explains
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.dsl.syntax import Program
-from roboscribe.errors import Fail
+from roboscribe.errors import Fail, expected
 from roboscribe.evidence import Evidence
 from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import Tree, update_tree, validate
@@ -106,7 +106,7 @@ class Steps(Generic[Skills]):
         update_tree: UPDATETREE: tree and refinement to tree.
         validate: VALIDATE: the reason why a tree cannot be right, or None.
         explained: how many demonstrations a program explains, and of how many.
-        check: a short Exec(M, P), enough to see that a program has become worse; None takes `roll_out`.
+        check: a short Exec(M, P), enough to see that a program has become much worse; None goes to `roll_out` at once.
         tell: hears what is decided.
     """
 
@@ -240,9 +240,17 @@ class Limits:
     patience: int = 8
     refinements: int = 20
 
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        expected("success", self.success, 0.0, 1.0)
+        expected("programs", self.programs, 1)
+        expected("patience", self.patience, 1)
+        expected("refinements", self.refinements, 0)
+
     def met(self, outcome: Outcome) -> bool:
         """Whether an outcome is what is wanted; one episode more or less decides nothing."""
-        return outcome.successes + 1 >= self.success * outcome.episodes
+        wanted = self.success * outcome.episodes
+        return outcome.successes >= min(1.0, wanted) and outcome.successes + 1 >= wanted
 
     def nearly(self, outcome: Outcome) -> bool:
         """Whether a program fails hardly more often than is allowed: another abstraction would hardly do better."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
 from roboscribe.dsl.syntax import And, Program, Seq
@@ -209,7 +210,38 @@ def test_a_short_attempt_decides_whether_a_subgoal_helps() -> None:
     story = Story({**TWO_STEPS, **root(20, "other")}, {ROOT: [AT1, OTHER]})
     assert solved(story).removed == ("at",)
     assert story.checked == ["at", "other"], "the latest first"
-    assert (ROOT, "other") not in story.asked, "nothing is trained for it"
+    assert story.asked[-1] == (ROOT, "other"), "the usual episodes confirm it"
+
+
+def test_what_a_short_attempt_lets_pass_the_usual_episodes_may_keep() -> None:
+    story = Story({**TWO_STEPS, **root(18, "other")}, {ROOT: [AT1, OTHER]})
+    steps = replace(story.steps(), check=lambda program, goal, skills: Outcome(20, 20, np.zeros((0, 2))))
+    answer = roboscribe(steps, 0, Limits())
+    assert isinstance(answer, Solution)
+    assert answer.removed == ()
+    assert (ROOT, "other") in story.asked
+
+
+def test_a_program_without_subgoals_that_mostly_succeeds_is_better_than_none() -> None:
+    for successes, found in ((12, True), (9, False)):
+        answer = roboscribe(Story(root(successes), {}).steps(), 0, Limits())
+        assert isinstance(answer, Solution) is found
+
+
+@pytest.mark.parametrize("later", [2, 0])
+def test_controllers_that_became_worse_are_not_kept(later: int) -> None:
+    """Nothing explains why at fails; it is trained once more, and gets worse."""
+    story = Story({**root(12, "at")}, {ROOT: [AT1]})
+    tries = iter([8, later])
+
+    def roll_out(program: Program, goal: str, skills: int) -> Outcome:
+        kept.append((goal, skills))
+        return Outcome(next(tries), 20, np.zeros((1, 2))) if goal == "at" else story.roll_out(program, goal, skills)
+
+    kept: list[tuple[str, int]] = []
+    answer = roboscribe(replace(story.steps(), roll_out=roll_out), 0, Limits(programs=4))
+    assert isinstance(answer, Solution)
+    assert kept[:4] == [(ROOT, 1), ("at", 2), ("at", 3), (ROOT, 3)], "the controllers of the first training go on"
 
 
 def names(tree: Tree) -> list[str]:

@@ -13,7 +13,7 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
-from roboscribe.world.layout import FloatArray
+from roboscribe.world.layout import BoolArray, FloatArray
 from roboscribe.world.trajectory import Trajectory
 from tests.handmade import AT, bottom_up, carry, evidence, legs, node
 
@@ -35,6 +35,24 @@ def test_the_height_of_a_bell_that_nobody_touches_decides() -> None:
     shown = with_bell(lambda goals: bool(goals[2, 1] > 0.3))
     assert order_condition(shown, PEG, CUBE) == parse_predicate("b1↓z > 0.3")
     assert order_condition(shown, CUBE, PEG) == parse_predicate("b1↓z < 0.3")
+
+
+def without_bell(states: FloatArray) -> BoolArray:
+    """Tell where peg and cube are at their goals."""
+    two = PointTask("toy", ("peg", "cube"))
+    return two.solved(states[..., : two.layout.size])
+
+
+def test_a_threshold_has_as_many_digits_as_it_takes() -> None:
+    """Readings of 300.1 and 300.4 are told apart by 300.2, not by 300."""
+    height = BELL.layout.columns[2, "position", False].start + 1
+    shown = []
+    for each in with_bell(lambda goals: bool(goals[2, 1] > 0.3)).trajectories:
+        states = each.states.copy()
+        states[:, height] = np.where(states[:, height] > 0.3, 300.4, 300.1)
+        shown.append(Trajectory(BELL.layout, states))
+    answer = order_condition(Evidence(tuple(shown), without_bell), PEG, CUBE)
+    assert str(answer) == "b1↓z > 300.2"
 
 
 def test_a_condition_may_be_about_what_no_branch_is_about() -> None:

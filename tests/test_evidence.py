@@ -130,6 +130,21 @@ def unfinished(trajectory: Trajectory) -> Trajectory:
     return Trajectory(trajectory.layout, trajectory.states[: len(trajectory) // 2])
 
 
+def test_what_jitters_about_its_place_has_not_moved() -> None:
+    """Sensors are noisy; a coaster that nobody touches stays where it is."""
+    rng = np.random.default_rng(0)
+    task = PointTask("toy", ("mug", "coaster"))
+    shown = []
+    for _ in range(5):
+        states = carry(task, rng, lambda goals: [0], STEPS, placed=(1,)).states.copy()
+        noise = rng.normal(0.0, 1e-4, states.shape)
+        goals = [place for (_, _, goal), place in task.layout.columns.items() if goal]
+        for place in goals:
+            noise[:, place] = 0.0
+        shown.append(Trajectory(task.layout, states + noise))
+    assert Evidence.of(shown, task.solved).moved == {"m1"}
+
+
 def test_crossings_can_be_cut_from_later_on() -> None:
     """What is over by then is left out."""
     shown = evidence(THREE, episodes=2)

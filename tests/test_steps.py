@@ -7,6 +7,7 @@ import pytest
 
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.envs.point_world import PointTask
+from roboscribe.errors import TaskError
 from roboscribe.steps import Limits, Outcome
 from roboscribe.world.layout import NULL, FloatArray
 from roboscribe.world.trajectory import Trajectory
@@ -85,6 +86,20 @@ def test_a_lower_rate_is_met_sooner() -> None:
     assert not Limits(success=0.9).met(outcome(10))
     assert Limits(success=0.5).met(outcome(10))
     assert Limits(success=0.0).met(outcome(0))
+    assert not Limits().met(outcome(0, 1)), "what never succeeded is not what is wanted"
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ({"programs": 0}, "programs: found 0, expected at least 1"),
+        ({"success": 1.5}, "success: found 1.5, expected 0 to 1"),
+        ({"refinements": -1}, "refinements: found -1, expected at least 0"),
+    ],
+)
+def test_limits_out_of_range_are_refused(setting: dict[str, float], told: str) -> None:
+    with pytest.raises(TaskError, match=told):
+        Limits(**setting)  # type: ignore[arg-type]  # one setting at a time
 
 
 def test_failures_are_named_by_binding_and_broken_episodes_left_out() -> None:

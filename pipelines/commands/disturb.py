@@ -63,7 +63,7 @@ def _measure(name: str, kinds: Sequence[str], seed: int, episodes: int, workspac
     from roboscribe.stages.runtime.progress import episode_progress
 
     with program_directory(name, workspace.mlruns) as directory, ProgressBar(console) as bar:
-        opened, where = load_with_task(directory, None, "stable", "fast")
+        opened, where = load_with_task(directory, None)
         task = where.make()
         told = partial(episode_progress, total=episodes, report=bar.on_progress)
         return sweep(opened, task, possible(task, kinds), seed, episodes, told)

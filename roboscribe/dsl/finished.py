@@ -123,4 +123,4 @@ def slackened(predicate: Predicate) -> Predicate:
 def _columns(layout: Layout, entity: int) -> IntArray:
     """List the columns of what an entity is like; its goal's are left out."""
     places = [place for (index, _, goal), place in layout.columns.items() if index == entity and not goal]
-    return np.concatenate([np.arange(place.start, place.stop) for place in places])
+    return np.array([column for place in places for column in range(place.start, place.stop)], dtype=np.int64)

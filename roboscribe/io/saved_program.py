@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
+from roboscribe.defaults import CONTACT, TIMING
 from roboscribe.errors import ArtifactError
 from roboscribe.io.atomic import (
     Json,
@@ -75,6 +76,16 @@ class SavedProgram:
     def horizon(self) -> int | None:
         """Control steps of the episodes for which it was made; None where the manifest does not say, as older ones."""
         return int(str(self.manifest["horizon"])) if "horizon" in self.manifest else None
+
+    @property
+    def contact(self) -> str:
+        """Contact model under which it was made; the usual one where the manifest does not say."""
+        return str(self.manifest.get("contact", CONTACT))
+
+    @property
+    def timing(self) -> str:
+        """Simulator timing under which it was made; the usual one where the manifest does not say."""
+        return str(self.manifest.get("timing", TIMING))
 
 
 def save_program(directory: Path, program: SavedProgram) -> None:

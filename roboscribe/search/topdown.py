@@ -176,7 +176,7 @@ def _counted(atoms: Atoms, positive: BoolArray) -> tuple[Atoms, FloatArray, Floa
 
 def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
     """Keep one of all examples on which every atom is equally true, and say (X,) which one stands for which."""
-    rows = [a.truth.reshape(-1, examples) for a in (*atoms.outer, *atoms.inner)]
+    rows = [np.atleast_2d(a.truth) for a in (*atoms.outer, *atoms.inner)]
     packed = np.packbits(np.concatenate([np.zeros((1, examples), dtype=np.bool_), *rows]), axis=0)
     columns = np.ascontiguousarray(packed.T).view(np.dtype((np.void, len(packed))))[:, 0]
     _, kept, kinds = np.unique(columns, return_index=True, return_inverse=True)
@@ -215,7 +215,9 @@ class _CandidateEvaluator:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
         self.shown, self.hidden = float(self.positives.sum()), float(self.negatives.sum())
         self.prices = np.array([p.cost for p in self.literals], dtype=np.int64)
-        tables = np.array([p.truth for p in self.literals], dtype=np.float32).reshape(len(self.literals), -1)
+        tables = np.zeros((len(self.literals), len(self.positives)), dtype=np.float32)
+        for table, literal in zip(tables, self.literals, strict=True):
+            table[:] = literal.truth
         kept = np.flatnonzero(tables @ self.positives >= self.shown - self._errors(self.shown))
         self.literals = [self.literals[i] for i in kept]
         self.tables = tables[kept]

@@ -11,7 +11,7 @@ from roboscribe.errors import RoboScribeError
 from roboscribe.io.atomic import parse_json
 from roboscribe.stages.runtime.configuration import decode
 from roboscribe.stages.runtime.progress import Progress
-from roboscribe.stages.runtime.stage_help import stage_help
+from roboscribe.stages.runtime.stage_help import input_names, stage_help
 from roboscribe.stages.runtime.store import AnyStage
 
 
@@ -30,7 +30,10 @@ def main(stage: AnyStage, arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"error: {error}\n")
         return 2
     except KeyError as error:
-        sys.stderr.write(f"error: stage {stage.name} needs --input {error.args[0]}=PATH\n")
+        missing = error.args[0]
+        lacks_input = missing in input_names(stage) and not any(text.startswith(f"{missing}=") for text in given.input)
+        needed = f"needs --input {missing}=PATH" if lacks_input else f"found no {missing!r} in what it was given"
+        sys.stderr.write(f"error: stage {stage.name} {needed}\n")
         return 2
     return 0
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS, ROLLOUT_EPISODES
+from roboscribe.errors import expected
 from roboscribe.programs import program_name
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.stages.runtime.task_config import TaskConfig
@@ -43,6 +44,12 @@ class SynthesisPlan:
     training: TrainConfig = field(default_factory=TrainConfig)
     light: bool = True
     video: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the counts."""
+        expected("n_demonstrations", self.n_demonstrations, 1)
+        expected("rollout_episodes", self.rollout_episodes, 1)
+        expected("evaluation_episodes", self.evaluation_episodes, 1)
 
     @property
     def practice(self) -> TaskConfig:

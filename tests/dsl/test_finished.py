@@ -6,8 +6,8 @@ import numpy as np
 
 from roboscribe.dsl.finished import PATIENCE, slackened
 from roboscribe.dsl.interpreter import Machine
-from roboscribe.dsl.parser import parse_predicate
-from roboscribe.world.layout import FloatArray
+from roboscribe.dsl.parser import parse_predicate, parse_program
+from roboscribe.world.layout import Attribute, FloatArray, Layout, ObjectType
 from tests.dsl.test_machine import TWO, observe, program, rows, state
 
 LOOP = program(
@@ -92,3 +92,17 @@ def test_rows_do_not_influence_each_other() -> None:
 def test_thresholds_below_which_something_must_lie_are_widened() -> None:
     found = slackened(parse_predicate("μ↓x < 0.1 ∧ (¬(b↓x < 0.2) ∨ b↓x > 0.3)"))
     assert str(found) == str(parse_predicate("μ↓x < 0.2 ∧ (¬(b↓x < 0.2) ∨ b↓x > 0.3)"))
+
+
+def test_an_entity_that_is_known_by_its_goal_alone_can_be_served() -> None:
+    wish = ObjectType("wish", (), (Attribute("level", ("level",), "1"),))
+    layout = Layout(ObjectType("EE", (Attribute("level", ("level",), "1"),)), (wish, wish))
+    loop = parse_program(
+        "def P(μ : EE): while ((w := get(λw:wish. ¬‖μ↓level − g(w)↓level‖ < 0.1)) ≠ null) "
+        "{ π_at(μ, g(w)) until ‖μ↓level − g(w)↓level‖ < 0.1 }"
+    )
+    machine = Machine(loop, layout, 1, limits={}, confirm=1)
+    machine.advance(np.zeros(1, np.int64), np.array([[0.0, 1.0, 2.0]]))
+    assert machine.entities(np.zeros(1, np.int64)).tolist() == [[0]]
+    machine.advance(np.zeros(1, np.int64), np.array([[1.0, 1.0, 2.0]]))
+    assert machine.entities(np.zeros(1, np.int64)).tolist() == [[1]]

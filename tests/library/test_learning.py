@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import roboscribe
+from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.point_world import POINT_TASKS
-from roboscribe.errors import DemonstrationError, TaskError
-from roboscribe.io.saved_program import load_program
+from roboscribe.errors import DemonstrationError, RoboScribeError, TaskError
+from roboscribe.io.saved_program import load_program, save_program
+from roboscribe.learning import Learning, TrainedControllers
+from roboscribe.programs import program_directory
+from roboscribe.steps import Steps
 from tests.pipelines.runs import TASK, run, scripted
 
 SHOWN = roboscribe.Demonstrations.collected(POINT_TASKS[TASK.name], 12, 0)
@@ -64,3 +70,27 @@ def test_a_task_without_controllers_of_its_own_says_so() -> None:
     bare = Bare("bare", ("block",))
     with pytest.raises(TaskError, match="bare brings no controllers"):
         roboscribe.synthesize(bare, SHOWN.trajectories, profile="scripted", rollout_episodes=5)
+
+
+def test_controllers_are_learned_in_the_lighter_simulator_as_the_command_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    practised = []
+
+    def started(learning: Learning, name: str) -> Steps[TrainedControllers]:
+        practised.append(learning.task)
+        raise RoboScribeError(name)
+
+    monkeypatch.setattr(Learning, "steps", started)
+    task = make_task("pick-place-1")
+    with pytest.raises(RoboScribeError):
+        roboscribe.synthesize(task, task.demonstrate(4, 0))
+    assert practised[0] != task
+    assert practised[0] == task.light
+
+
+def test_a_program_is_measured_in_the_simulator_for_which_it_was_made(tmp_path: Path) -> None:
+    with program_directory("pick-place-1") as shipped:
+        shutil.copytree(shipped, tmp_path / "p")
+    saved = load_program(tmp_path / "p")
+    save_program(tmp_path / "p", replace(saved, manifest={**saved.manifest, "timing": "faithful"}))
+    task = make_task("pick-place-1", timing="faithful")
+    assert roboscribe.load(tmp_path / "p").task == task.lasting(saved.horizon or task.horizon)

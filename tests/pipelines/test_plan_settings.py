@@ -108,3 +108,18 @@ def test_the_table_of_a_sweep() -> None:
     assert first.split() == ["0", "90.0", "%", "(80.0", "to", "100.0)", "2", "5", "2", "/p"]
     assert second.split() == ["1", "no"]
     assert mean == "mean success 90.0 % over 1 programs, 1 seeds without"
+
+
+@pytest.mark.parametrize(
+    ("setting", "told"),
+    [
+        ("rollout_episodes=0", "rollout_episodes: found 0, expected at least 1"),
+        ("limits.programs=0", "programs: found 0, expected at least 1"),
+        ("evaluation_episodes=0", "evaluation_episodes: found 0, expected at least 1"),
+    ],
+)
+def test_settings_out_of_range_are_refused_in_one_line(
+    setting: str, told: str, command: Command, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert command("synthesize", TASK, "--set", setting, "--engine", "local") == 2
+    assert told in capsys.readouterr().err

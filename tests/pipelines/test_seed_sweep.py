@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from mlflow import MlflowClient
 
 from roboscribe.io.tracked import database_uri
@@ -32,3 +33,10 @@ def test_two_seeds_and_a_task_that_has_no_program(tmp_path: Path) -> None:
     (outcome,) = failing.run(told.append)
     assert outcome.code == 2
     assert "unknown task" in str(outcome.result["reason"])
+
+
+def test_a_seed_that_was_killed_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that a signal ended has a negative code; a sweep ends with what a shell would have told."""
+    monkeypatch.setattr(SeedSweep, "_words", lambda *_: ["sh", "-c", "kill -9 $$"])
+    (outcome,) = SeedSweep(scripted(), (0,), 1, "local", Workspace(tmp_path)).run(lambda _: None)
+    assert outcome.code == 128 + 9

@@ -12,8 +12,16 @@ from hypothesis import strategies as st
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import conjunction, rename
 from roboscribe.dsl.semantics import holds
-from roboscribe.dsl.syntax import Predicate, Var
-from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, literals, strictest_literal, top_down_enum
+from roboscribe.dsl.syntax import Predicate, Truth, Var
+from roboscribe.search.topdown import (
+    Atoms,
+    Literal,
+    Strictest,
+    enumerate_conjunctions,
+    literals,
+    strictest_literal,
+    top_down_enum,
+)
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, Layout, ObjectType
 
 COUNT = 3
@@ -161,3 +169,21 @@ def test_the_strictest_literal_refuses_no_positive_and_the_most_negatives() -> N
     assert np.array_equal(about(found.predicate, states, entities), fits)
     assert found.refused == pytest.approx(np.mean(~fits[~positive]))
     assert strictest_literal(table, np.ones(600, np.bool_), 0.0).refused == 0.0
+
+
+def test_without_atoms_nothing_is_found() -> None:
+    """Entities that are known by flags alone can be told apart by nothing."""
+    none = Atoms((), (), Var("b'"), "block")
+    assert top_down_enum(none, np.array([True, False, True]), 0.0) is None
+    assert strictest_literal(none, np.array([True, False]), 0.0) == Strictest(Truth(), 0.0)
+
+
+def test_exceptions_have_a_price() -> None:
+    """A cheap atom errs on two of forty examples; a dearer one does not."""
+    positive = np.arange(40) % 2 == 0
+    cheap = positive.copy()
+    cheap[[0, 1]] = ~cheap[[0, 1]]
+    flag, exact = (parse_predicate(f"b↓{name} > 0") for name in ("x", "y"))
+    atoms = Atoms((Literal(flag, 1, cheap), Literal(exact, 2, positive)), (), Var("b'"), "block")
+    assert enumerate_conjunctions(atoms, positive, 0.05).best == flag
+    assert enumerate_conjunctions(atoms, positive, 0.05, exception_bits=5.0).best == exact

@@ -7,12 +7,14 @@ import json
 import re
 import shlex
 import sys
+from collections.abc import Mapping
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
-from roboscribe.stages import collect, ingest
+from roboscribe.stages import classify, collect, ingest
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.configuration import decode
 from roboscribe.stages.runtime.stage_help import example, input_names
@@ -48,6 +50,21 @@ def test_the_example_of_the_help_gives_all_that_has_to_be_given(name: str) -> No
     words = shlex.split(example(stage))
     given = words[words.index("--config") + 1] if "--config" in words else "{}"
     assert isinstance(decode(stage.config, json.loads(given)), stage.config)
+
+
+def test_what_is_missing_in_an_input_is_not_called_a_missing_input(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(config: object, inputs: Mapping[str, Path], out: Path, report: object) -> None:
+        """Look for something in an input."""
+        assert {"at": inputs["tree"]}["hold"]
+
+    stage = replace(classify.STAGE, run=run)
+    words = ["--config", json.dumps({"task": {"name": "tower-5"}, "goal": "at"}), "--out", str(tmp_path)]
+    assert cli.main(stage, words) == 2
+    assert "needs --input tree=PATH" in capsys.readouterr().err
+    assert cli.main(stage, [*words, "--input", "tree=x"]) == 2
+    assert "found no 'hold' in what it was given" in capsys.readouterr().err
 
 
 def test_two_stages_by_hand(tmp_path: Path) -> None:

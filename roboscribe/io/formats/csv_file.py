@@ -168,8 +168,10 @@ def _tables(path: Path, kinds: dict[str, pa.DataType]) -> Iterator[pa.Table]:
 
 def _frequency(path: Path, length: int) -> float | None:
     """Work out frames per second from the times of the first episode; None where they do not say."""
+    if length < 2:
+        return None
     times = np.concatenate([np.asarray(t.column(TIME), dtype=np.float64) for t in _first(path, length)])[:length]
-    step = float(np.median(np.diff(times))) if length > 1 else 0.0
+    step = float(np.median(np.diff(times)))
     return round(1.0 / step, _DECIMALS) if step > 0.0 else None
 
 

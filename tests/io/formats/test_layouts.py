@@ -212,6 +212,12 @@ def test_text_that_pandas_wrote_is_read(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[1].states, STATES[1].states, atol=1e-12)
 
 
+def test_a_first_row_without_others_holds_no_demonstrations(tmp_path: Path) -> None:
+    path = csv_text(tmp_path, lambda frame: frame.head(0).drop(columns="episode_index"))
+    with pytest.raises(DemonstrationError, match=r"demos\.csv"):
+        ingest(path, TASK, FORMATS["csv"], None, tmp_path / "out")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
