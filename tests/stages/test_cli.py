@@ -56,7 +56,11 @@ def test_what_is_missing_in_an_input_is_not_called_a_missing_input(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def run(config: object, inputs: Mapping[str, Path], out: Path, report: object) -> None:
-        """Look for something in an input."""
+        """Look for something in an input.
+
+        Inputs:
+            tree: where.
+        """
         assert {"at": inputs["tree"]}["hold"]
 
     stage = replace(classify.STAGE, run=run)
