@@ -22,7 +22,8 @@ from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
-from roboscribe.rl.warm_start import Frames, frames_of, joined
+from roboscribe.rl.warm_start import Frames, busy, frames_of, joined
+from roboscribe.world.layout import BoolArray
 from roboscribe.world.naming import attended_from
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
@@ -196,7 +197,8 @@ class ProgramTraining:
         layout = self.task.layout
         quantifiers = [part for part in walk(run.until) if isinstance(part, Exists)]
         every = {part.var.name: np.array(layout.of_type(part.type))[:, None] for part in quantifiers}
-        for shown, part in self._parts(run):
+        for rank, part in self._parts(run):
+            shown = self.demonstrations[rank]
             binding = every | dict(zip(run_variables(run), part.entities, strict=True))
             states = shown.states[part.start : part.stop + 1]
             for term in map(atom_term, atoms(run.until)):
@@ -205,10 +207,10 @@ class ProgramTraining:
         spreads = {text: float(np.nanstd(found)) for text, found in values.items()}
         return {text: spread for text, spread in spreads.items() if spread > 0}
 
-    def _parts(self, run: Run) -> list[tuple[Trajectory, Segment]]:
-        """List the segments of a controller, each with its demonstration."""
-        ranks, pairs = self.ranks(run), zip(self.demonstrations, self.segments, strict=True)
-        return [(shown, part) for shown, parts in pairs for part in parts if part.run_index in ranks]
+    def _parts(self, run: Run) -> list[tuple[int, Segment]]:
+        """List the segments of a controller, each with the rank of its demonstration."""
+        ranks = self.ranks(run)
+        return [(rank, part) for rank, parts in enumerate(self.segments) for part in parts if part.run_index in ranks]
 
     def ranks(self, run: Run) -> tuple[int, ...]:
         """Return where a controller stands among the statements: more than once where branches share it."""
@@ -218,8 +220,16 @@ class ProgramTraining:
         """Cut a controller's frames out of the demonstrations, and a few beyond φ; None where there are none."""
         beyond, actions = self.config.clone.extra_frames, self.config.profile == "actions"
         size = self.task.action_size
-        found = [frames_of(part, shown, beyond, actions, size) for shown, part in self._parts(run)]
+        found = []
+        for rank, part in self._parts(run):
+            frames = frames_of(part, self.demonstrations[rank], beyond, actions, size)
+            found.append(frames.take(self.busy[rank][part.start : part.start + len(frames.states)]))
         return joined(found) if found else None
+
+    @cached_property
+    def busy(self) -> list[BoolArray]:
+        """In which steps of each demonstration anything changes."""
+        return busy(self.demonstrations)
 
     def spec(self, run: Run, *, speeds: bool = False) -> ObservationSpec:
         """Return what is seen of a controller's arguments, not yet normalised.

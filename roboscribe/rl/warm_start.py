@@ -15,7 +15,7 @@ from roboscribe.rl.observation import ObservationSpec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator
-from roboscribe.world.layout import FloatArray, IntArray
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.rows import Rows
 from roboscribe.world.trajectory import Trajectory
 
@@ -69,6 +69,39 @@ def frames_of(part: Segment, demonstration: Trajectory, beyond: int, actions: bo
         np.zeros((count, 0)) if stored is None else stored[part.start : stop],
         np.tile(np.array(simulated, np.int64), (count, 1)),
     )
+
+
+IDLE = 0.05
+"""Share of a usual motion below which a step changes nothing."""
+USUAL = 0.9
+"""Quantile of the steps in which something moves at all that is its usual motion."""
+
+
+def busy(demonstrations: Sequence[Trajectory]) -> list[BoolArray]:
+    """Tell in which steps of each demonstration (T,) anything changes; whoever waits shows nothing to imitate.
+
+    A clone of frames in which a demonstrator paused pauses, too, and without end, for nothing changes then.
+    """
+    if not demonstrations:
+        return []
+    layout = demonstrations[0].layout
+    kinds = {index: layout.type_of(index) for index, *_ in layout.columns}
+    places = [
+        columns
+        for (index, name, goal), columns in layout.columns.items()
+        if any(a.name == name and a.is_place for a in kinds[index].described(goal))
+    ]
+    changes = [_changes(shown.states, places) for shown in demonstrations]
+    every = np.concatenate(changes)
+    usual = [np.quantile(moving, USUAL) if len(moving := each[each > 0]) else np.inf for each in every.T]
+    return [(change > IDLE * np.array(usual)).any(axis=1) for change in changes]
+
+
+def _changes(states: FloatArray, places: Sequence[slice]) -> FloatArray:
+    """Return how far each attribute goes from step to step, (T - 1, P), for states (T, F)."""
+    steps = np.diff(states, axis=0)
+    lengths = [np.linalg.norm(steps[:, columns], axis=1) for columns in places]
+    return np.stack(lengths, axis=1) if lengths else np.zeros((len(steps), 0))
 
 
 def joined(parts: Sequence[Frames]) -> Frames:

@@ -36,6 +36,8 @@ from roboscribe.dsl.syntax import (
 from roboscribe.world.layout import Attribute, FloatArray, Layout, ObjectType
 from roboscribe.world.units import is_angle, is_length, is_speed
 
+RADIANS = "rad"
+"""Unit of the directions that arctan2 gives."""
 MAX_ENTITIES = 2
 """Most entities one expression may mention; three would relate everything to everything."""
 
@@ -50,6 +52,7 @@ class Feature:
         greatest: of a quantified feature, whether the greatest value counts instead of the least.
         family: objects and attribute that α compares; projections of one difference share it.
         detail: how many numbers of the attribute α looks at, the more the more specific.
+        unit: of its values.
     """
 
     term: Term
@@ -57,6 +60,7 @@ class Feature:
     greatest: bool = False
     family: str = ""
     detail: int = 1
+    unit: str = ""
 
     @property
     def entities(self) -> int:
@@ -114,7 +118,7 @@ def enumerate_features(layout: Layout, named: Sequence[str]) -> tuple[Feature, .
             var = Var(f"{layout.letter(kind.name)}'")
             mentions = (f for f in _expressions(layout, {var.name: kind}) if free_vars(f.term))
             for f in mentions:
-                plain += [Feature(f.term, (var, kind.name), g, "∃" + f.family, f.detail) for g in (False, True)]
+                plain += [Feature(f.term, (var, kind.name), g, "∃" + f.family, f.detail, f.unit) for g in (False, True)]
     return tuple(dict.fromkeys(plain))
 
 
@@ -174,10 +178,10 @@ def _coordinates(shown: _Shown, attribute: Attribute) -> Iterator[Feature]:
     family = f"{shown.item}.{attribute.name}"
     for rank in range(attribute.width):
         for component in shown.at(attribute, (rank,)):
-            yield Feature(component, family=family)
+            yield Feature(component, family=family, unit=attribute.unit)
     if attribute.width > 1 and not is_length(attribute.unit):
         for whole in shown.at(attribute):
-            yield Feature(Norm(whole), family=family, detail=attribute.width)
+            yield Feature(Norm(whole), family=family, detail=attribute.width, unit=attribute.unit)
 
 
 def _changes(shown: _Shown, attribute: Attribute, other: Attribute) -> Iterator[Feature]:
@@ -187,9 +191,9 @@ def _changes(shown: _Shown, attribute: Attribute, other: Attribute) -> Iterator[
         family = f"{shown.item}.{attribute.name}−{other.name}"
         for rank in range(attribute.width):
             for one, two in product(shown.at(attribute, (rank,)), shown.at(other, (rank,))):
-                yield Feature(Diff(one, two), family=family)
+                yield Feature(Diff(one, two), family=family, unit=unit)
         whole = Diff(Proj(shown.item, attribute.name), Proj(shown.item, other.name))
-        yield Feature(Norm(whole), family=family, detail=attribute.width)
+        yield Feature(Norm(whole), family=family, detail=attribute.width, unit=attribute.unit)
 
 
 def _differences(one: _Shown, other: _Shown, attribute: Attribute) -> Iterator[Feature]:
@@ -199,25 +203,25 @@ def _differences(one: _Shown, other: _Shown, attribute: Attribute) -> Iterator[F
     family = f"{one.item}−{other.item}.{attribute.name}"
     for rank in range(attribute.width):
         for near, far in product(one.at(attribute, (rank,)), other.at(theirs, (rank,))):
-            yield Feature(Diff(near, far), family=family)
+            yield Feature(Diff(near, far), family=family, unit=attribute.unit)
     whole = tuple(range(attribute.width))
     for ranks in dict.fromkeys((attribute.plane or whole, whole)):
         for near, far in product(one.at(attribute, ranks), other.at(theirs, ranks)):
-            yield Feature(Norm(Diff(near, far)), family=family, detail=len(ranks))
+            yield Feature(Norm(Diff(near, far)), family=family, detail=len(ranks), unit=attribute.unit)
 
 
 def _angles(objects: list[_Shown], seen: Attribute) -> Iterator[Feature]:
     """Directions between two objects, and the angle at which two objects are seen from a third."""
     ends = [end for shown in objects for end in _planar(shown, seen)]
     for one, other in combinations(ends, 2):
-        yield Feature(_direction(one, other), family=f"∠{one.of}{other.of}")
+        yield Feature(_direction(one, other), family=f"∠{one.of}{other.of}", unit=RADIANS)
     for apex in ends:
         for one, other in combinations([end for end in ends if end != apex], 2):
             if len({*_mentions(apex.of), *_mentions(one.of), *_mentions(other.of)}) == 1:
                 angle = Diff(_direction(one, apex), _direction(other, apex))
                 family = f"∠{one.of}{apex.of}{other.of}"
-                yield Feature(angle, family=family)
-                yield Feature(Norm(angle), family=family, detail=2)
+                yield Feature(angle, family=family, unit=RADIANS)
+                yield Feature(Norm(angle), family=family, detail=2, unit=RADIANS)
 
 
 def _planar(shown: _Shown, seen: Attribute) -> Iterator[Proj]:

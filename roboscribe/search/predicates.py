@@ -26,6 +26,7 @@ from roboscribe.search.candidates import (
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray
 from roboscribe.world.trajectory import AGREEMENT
+from roboscribe.world.units import in_si, is_angle, is_length
 
 __all__ = ["Anchor", "Candidate", "Samples", "rank_predicates"]
 
@@ -38,6 +39,8 @@ ACCIDENT = 0.05
 """How seldom samples fall as short of their population's extreme as a threshold allows for."""
 FEW = 0.02
 """Share of the negatives that slack may accept; where it would accept more it goes half-way to the next negative."""
+PRECISE_LENGTH, PRECISE_ANGLE = 5e-4, 0.02
+"""Lengths (m) and angles (rad) that do not matter: blocks that are let go turn by half a degree."""
 LEAST_SLACK = 0.001
 """The same in spreads, where all positives are alike."""
 ALIKE, STOP = 1 / 1000, 1 / 16
@@ -186,6 +189,8 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     if spread == 0.0:
         return None
     usual = usual_range(np.concatenate([pos, neg, values.frames, values.otherwise]), ball(feature, sign))
+    if too_fine(feature, usual, pos, neg):
+        return None
     threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
     if neg.size and np.mean(neg < threshold) >= HOPELESS:
         return None
@@ -208,6 +213,20 @@ def usual_range(values: FloatArray, numbers: int = 0) -> float:
     if numbers:
         return float(np.quantile(values, 0.95))
     return float(np.subtract(*np.quantile(values, (0.95, 0.05)))) or float(np.ptp(values))
+
+
+def too_fine(feature: Feature, usual: float, pos: FloatArray, neg: FloatArray) -> bool:
+    """Tell whether a feature varies by less than robots and their sensors are precise.
+
+    Args:
+        feature: of a length or an angle; other numbers have no scale of their own.
+        usual: its `usual_range`.
+        pos: (P,) positives.
+        neg: (M,) negatives.
+    """
+    precise = PRECISE_LENGTH if is_length(feature.unit) else PRECISE_ANGLE if is_angle(feature.unit) else 0.0
+    apart = abs(float(np.median(pos)) - float(np.median(neg))) if neg.size else 0.0
+    return max(usual, apart) * in_si(feature.unit) < precise
 
 
 def far_side(pos: FloatArray) -> float:

@@ -16,7 +16,7 @@ from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
-from roboscribe.search.predicates import ball, bits, bound, usual_range
+from roboscribe.search.predicates import ball, bits, bound, too_fine, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true
 
@@ -70,6 +70,8 @@ def _candidate(
     worst = negatives.max(axis=0)
     kept, arriving = _at_the_end(values, pairs)
     usual = usual_range(values[np.isfinite(values)], ball(feature, sign))
+    if too_fine(feature, usual, kept, worst):
+        return None
     unseen = 0.5 * _last_step(values, float(kept.max()), pairs)
     threshold, gap = bound(kept, worst, spread, usual, arriving, ball(feature, sign), unseen)
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)

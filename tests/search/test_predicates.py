@@ -14,7 +14,7 @@ from roboscribe.dsl.rewrite import conjuncts, walk
 from roboscribe.dsl.syntax import And, Const, Norm, Proj, Var
 from roboscribe.search.candidates import Anchor, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import Candidate, bound, far_side, rank_predicates, usual_range
+from roboscribe.search.predicates import Candidate, bound, far_side, rank_predicates, too_fine, usual_range
 from tests.search.examples import FEATURES, GAUGES, LAYOUT, planted, random_states, samples, truth_of
 
 
@@ -260,3 +260,21 @@ def test_a_loop_over_one_number_is_offered_with_one_side_bounded_and_with_both()
     loops = [replace(one, each=True), replace(one, each=True, predicate=whole.below(0.1))]
     table = rank_predicates((*FEATURES, whole), samples(positives, negatives), loops)
     assert {c.predicate for c in table if c.each} == {c.predicate for c in loops}
+
+
+@pytest.mark.parametrize(
+    ("unit", "width", "fine"),
+    [
+        ("rad", 0.01, True),
+        ("rad", 0.1, False),
+        ("deg", 1.0, True),
+        ("m", 1e-4, True),
+        ("mm", 5.0, False),
+        ("N", 1e-4, False),
+    ],
+)
+def test_what_varies_by_less_than_robots_are_precise_is_no_subgoal(unit: str, width: float, fine: bool) -> None:
+    reading = Feature(Proj(Var("b1"), "x"), unit=unit)
+    positives, negatives = np.full(9, width), np.zeros(9)
+    assert too_fine(reading, 0.5 * width, positives, negatives) is fine
+    assert not too_fine(reading, 1000.0, positives, negatives), "what is usual decides as well"
