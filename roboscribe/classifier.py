@@ -181,7 +181,7 @@ def place_of(node: Node, evidence: Evidence, tree: Tree, psi: str) -> Place:
     waiting = list(tree.predecessors(psi))
     while waiting:
         old = waiting.pop()
-        if node.circular and old.circular and node.role == old.role and not _same_phase(node, old, evidence, tree):
+        if node.circular and old.circular and node.role == old.role and not _same_phase(node, old, evidence):
             return Place(apart=True)
         if set(free_vars(old.predicate)) != set(free_vars(node.predicate)) or not free_vars(node.predicate):
             continue
@@ -201,7 +201,7 @@ def _precedes(node: Node, old: Node, evidence: Evidence, tree: Tree, psi: str) -
     return bool(voters.any() and np.mean(first[voters] < other[voters]) >= AGREEMENT)
 
 
-def _same_phase(node: Node, old: Node, evidence: Evidence, tree: Tree) -> bool:
+def _same_phase(node: Node, old: Node, evidence: Evidence) -> bool:
     """Whether two things done to every entity of a type are done to one entity before the next is turned to."""
     if node.only != old.only:
         return False

@@ -245,12 +245,6 @@ class Evidence:
         states = self.trajectories[passage.demonstration].states[passage.begin : passage.end]
         return self.layout.permute(states, passage.order)
 
-    def states_before(self, predicate: Predicate) -> FloatArray:
-        """Return in each demonstration the state before a predicate about named entities first holds, (≤ D, F)."""
-        first = self.first_steps(predicate)
-        rows = [s + f - 1 for s, f in zip(self.starts, first, strict=True) if 0 < f < NEVER]
-        return self.states[rows]
-
     def edge_steps(self, tree: Tree, phi: Node, psi: str) -> tuple[IntArray, IntArray]:
         """Return when φ and when ψ first hold in each crossing into ψ, as VALIDATE compares them; (C,) each.
 

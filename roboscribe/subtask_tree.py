@@ -25,7 +25,8 @@ class Node:
         name: what programs call the controller that reaches it, for instance "hold".
         predicate: φ over named entities (b1); the entity stays free in circular nodes, see `lifted`.
         circular: whether the node marks a repetition (Sec. 4.2.2).
-        scales: per term of φ, the spread that makes its margins comparable in the reward (Sec. 4.3.3).
+        scales: per term of φ, its spread over positives and negatives; scripted controllers take it for the unit of
+            their margins, learned ones the spread over what they are shown, see `ProgramTraining.scales`.
         over: of circular nodes, the entity whose place all of its type take; "" for the only one.
         only: of circular nodes, which entities are meant.
     """

@@ -68,7 +68,7 @@ def test_what_clutching_lacks_is_the_block_at_its_goal() -> None:
 def test_a_predicate_holds_just_before_the_goal_and_hardly_ever_in_failures() -> None:
     failures = wandering(ONE)
     answer = learned(learn_classifier(failures, SHOWN, Tree(), ROOT))
-    assert share(answer.node.predicate, SHOWN.states_before(Tree().node(ROOT).predicate), SHOWN) == 1.0
+    assert share(answer.node.predicate, SHOWN.crossings(Tree(), ROOT).before, SHOWN) == 1.0
     assert share(answer.node.predicate, failures, SHOWN) < 0.01
 
 

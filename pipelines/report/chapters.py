@@ -99,7 +99,6 @@ class Chapters:
         profile: what was learned from.
         evaluation: figures of the final evaluation; empty where there was none.
         failing: episodes of the final evaluation that failed.
-        packaged: the program that was found.
         video: film of an episode of it.
     """
 
@@ -108,7 +107,6 @@ class Chapters:
     profile: str = ""
     evaluation: Mapping[str, Any] = field(default_factory=dict)
     failing: tuple[tuple[int, ...], ...] = ()
-    packaged: Packaged | None = None
     video: Path | None = None
 
     @property
@@ -165,7 +163,7 @@ class _Reader:
             case Evaluated(figures, _):
                 self.found |= {"evaluation": figures, "failing": _episodes(told.more)}
             case Packaged():
-                self.found["packaged"] = event
+                pass
             case Filmed(video):
                 self.found["video"] = video
             case _:

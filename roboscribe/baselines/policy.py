@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias, TypeGuard
+from typing import TypeAlias
 
 import numpy as np
 import torch
@@ -136,11 +136,6 @@ def to_parts(policy: Policy) -> tuple[dict[str, object], Arrays]:
         "network": {name: getattr(sizes, name) for name in kept if hasattr(sizes, name)},
     }
     return about, {name: tensor.numpy().copy() for name, tensor in network.state_dict().items()}
-
-
-def is_baseline(description: object) -> TypeGuard[Mapping[str, object]]:
-    """Tell whether a saved controller's description is a baseline's."""
-    return isinstance(description, Mapping) and BASELINE in description
 
 
 def from_parts(description: Mapping[str, object], arrays: Mapping[str, NDArray[np.generic]], layout: Layout) -> Policy:

@@ -329,18 +329,6 @@ def _negated(p: Predicate) -> Predicate:
             assert_never(p)
 
 
-def exist_quant(p: Predicate, types: Mapping[str, str]) -> Predicate:
-    """Quantify every free entity variable existentially, the first to occur outermost.
-
-    Args:
-        p: a predicate.
-        types: type of every free variable.
-
-    Source: ExistQuant (Sec. 4.2).
-    """
-    return reduce(lambda body, name: Exists(Var(name), types[name], body), reversed(free_vars(p)), p)
-
-
 def conjuncts(p: Predicate) -> tuple[Predicate, ...]:
     """Take a conjunction apart, left to right; true has no conjuncts."""
     match p:

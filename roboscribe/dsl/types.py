@@ -46,24 +46,6 @@ def named_entities(layout: Layout) -> dict[str, str]:
     return {name: layout.entities[index].name for index, name in enumerate(layout.names)}
 
 
-def width_of(term: Term, layout: Layout, variables: Variables) -> int:
-    """Count the numbers of a term's value.
-
-    Raises:
-        ProgramError: the term does not type-check.
-    """
-    return _term(term, layout, variables)[0]
-
-
-def unit_of(term: Term, layout: Layout, variables: Variables) -> str | None:
-    """Return a term's unit; None for a constant, which fits any.
-
-    Raises:
-        ProgramError: the term does not type-check.
-    """
-    return _term(term, layout, variables)[1]
-
-
 def check_predicate(predicate: Predicate, layout: Layout, variables: Variables) -> None:
     """Check a predicate.
 

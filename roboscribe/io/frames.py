@@ -68,14 +68,13 @@ def encode(trajectory: Trajectory, episode: int, frequency: float, schema: pa.Sc
     return pa.table(arrays, schema=schema)
 
 
-def index_of(table: pa.Table, frequency: float, source: str, *, declared: int = 0) -> Index:
+def index_of(table: pa.Table, frequency: float, source: str) -> Index:
     """Find the episodes of a table, and check their numbers and times.
 
     Args:
         table: the whole file.
         frequency: frames per second.
         source: file, for messages.
-        declared: count of episodes that the file states, so that empty ones at its end are known.
 
     Raises:
         DemonstrationError: an episode in pieces, a frame out of order, a time that belongs to another frame.
@@ -92,7 +91,7 @@ def index_of(table: pa.Table, frequency: float, source: str, *, declared: int = 
     if skipped.size:
         index.complain(int(skipped[0]), FRAME.name, f"found {frame[skipped[0]]}, expected {position[skipped[0]]}")
     _check_times(table, index, np.repeat(starts, sizes), frequency)
-    slices = [slice(0, 0)] * max(declared, int(numbers[-1]) + 1 if len(numbers) else 0)
+    slices = [slice(0, 0)] * (int(numbers[-1]) + 1 if len(numbers) else 0)
     for number, start, size in zip(numbers, starts, sizes, strict=True):
         slices[number] = slice(int(start), int(start + size))
     return Index(source, episode, frame, tuple(slices))

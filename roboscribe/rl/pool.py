@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -50,8 +50,3 @@ class StartPool(Rows):
         """Repeat the starts that are `hard` (P,) until they are half of all, each `most` times at most."""
         rows, times = np.flatnonzero(hard), max(1, len(hard) // max(1, int(hard.sum())) - 1)
         return self.take(np.sort(np.concatenate([np.flatnonzero(~hard), np.repeat(rows, min(times, most))])))
-
-    def joined(self, other: StartPool) -> StartPool:
-        """Append another pool, whose episodes are counted on from this one's."""
-        shift = int(self.episode[-1]) + 1 if len(self) else 0
-        return StartPool.concatenated([self, replace(other, episode=other.episode + shift)])

@@ -128,7 +128,7 @@ class Candidate:
         relevant: whether φ mentions every entity that the goal mentions, and no branch elsewhere brings it about.
         advances: whether φ is brought about on the way, always after or always before each subgoal that is there.
         margin: distance from the threshold to the nearest rejected negative, in spreads.
-        scales: spread of each term, to make margins comparable in a reward.
+        scales: spread of each term over positives and negatives.
         entities: how many named entities φ mentions.
         bits: how much φ says: the binary logarithm of how many times more is possible without it.
         size: nodes of φ.

@@ -8,7 +8,6 @@ from roboscribe.dsl.rewrite import (
     conjunction,
     conjuncts,
     controllers,
-    exist_quant,
     free_vars,
     negation_normal_form,
     rename,
@@ -59,15 +58,6 @@ def test_negations_move_inwards_and_stop_at_atoms_and_quantifiers() -> None:
     expected = parse_predicate("¬(a↓z < 1.0) ∨ (b↓z > 2.0 ∨ ¬∃c:block. c ≠ null)")
     assert negation_normal_form(p) == expected
     assert negation_normal_form(parse_predicate("¬(true ∨ ¬ψ_R)")) == parse_predicate("¬true ∧ ψ_R")
-
-
-def test_lifting_quantifies_every_free_variable_first_outermost() -> None:
-    p = parse_predicate("‖a↓xyz − b↓xyz‖ < 0.1")
-    assert exist_quant(p, {"a": "block", "b": "drawer"}) == parse_predicate(
-        "∃a:block. ∃b:drawer. ‖a↓xyz − b↓xyz‖ < 0.1"
-    )
-    closed = parse_predicate("μ↓z < 1.0")
-    assert exist_quant(closed, {}) == closed
 
 
 def test_conjunctions_come_apart_and_together() -> None:

@@ -5,22 +5,14 @@ from __future__ import annotations
 import pytest
 
 from roboscribe.dsl.parser import parse_predicate, parse_program
-from roboscribe.dsl.syntax import Arctan2, Const, Diff, Goal, Less, Norm, Program, Proj, Seq
-from roboscribe.dsl.types import check_predicate, check_program, unit_of, width_of
+from roboscribe.dsl.syntax import Const, Less, Program, Proj, Seq
+from roboscribe.dsl.types import check_predicate, check_program
 from roboscribe.errors import ProgramError
 from roboscribe.world import Layout
-from tests.dsl.kinematic import BLOCK, FAUCET, GRIPPER, MU, PICK, TOWER, B
+from tests.dsl.kinematic import BLOCK, FAUCET, GRIPPER, PICK, TOWER, B
 
 LAYOUT = Layout(GRIPPER, (BLOCK, BLOCK, FAUCET))
 TYPES = {"b": "block", "f": "faucet"}
-
-
-def test_widths_and_units() -> None:
-    distance = Norm(Diff(Proj(MU, "xyz"), Proj(Goal(B), "position")))
-    assert (width_of(distance, LAYOUT, TYPES), unit_of(distance, LAYOUT, TYPES)) == (1, "m")
-    assert (width_of(Proj(B, "xy"), LAYOUT, TYPES), unit_of(Arctan2(Proj(B, "xy")), LAYOUT, TYPES)) == (2, "rad")
-    assert unit_of(Const(1.0), LAYOUT, TYPES) is None
-    assert unit_of(Diff(Const(1.0), Proj(B, "z")), LAYOUT, TYPES) == "m"
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from roboscribe.dsl.rewrite import (
     alpha_equivalent,
     conjunction,
     conjuncts,
-    exist_quant,
     free_vars,
     negation_normal_form,
     rename,
@@ -226,18 +225,6 @@ def test_renaming_free_variables_keeps_meaning(p: Predicate, binding: dict[str, 
 def test_conjuncts_together_mean_the_whole(p: Predicate, binding: dict[str, int]) -> None:
     joined = conjunction(conjuncts(p))
     assert np.array_equal(holds(p, STATES, binding, LAYOUT), holds(joined, STATES, binding, LAYOUT))
-
-
-@given(meaningful())
-@settings(deadline=None)
-def test_lifting_means_some_choice_of_entities(p: Predicate) -> None:
-    lifted = exist_quant(p, {"b": "block", "c": "block"})
-    some = np.zeros(len(STATES), dtype=np.bool_)
-    for b in range(3):
-        for c in range(3):
-            some |= holds(p, STATES, {"b": b, "c": c}, LAYOUT)
-    assert free_vars(lifted) == ()
-    assert np.array_equal(holds(lifted, STATES, {}, LAYOUT), some)
 
 
 @given(meaningful(), st.integers(0, 2**32 - 1))

@@ -112,6 +112,7 @@ def test_shuffled_indices_give_the_same_program(seed: int) -> None:
     plain = Evidence.of(demonstrations(name, seed), POINT_TASKS[name].solved)
     mixed = Evidence.of(demonstrations(name, seed, shuffled=True), POINT_TASKS[name].solved)
     assert np.array_equal(plain.states, mixed.states)
+    assert solved(name, seed, shuffled=True).program == solved(name, seed).program
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -215,7 +215,6 @@ FORMAT = Format(
     spelling="comma-separated values with a row per frame",
     directory=False,
     least_frames=1,
-    loses="",
     open=open_csv,
     write=write_csv,
 )

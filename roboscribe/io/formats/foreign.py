@@ -106,7 +106,6 @@ class Format:
         spelling: what a file of it is, for messages.
         directory: whether it is a directory of files.
         least_frames: frames that an episode must have to be held.
-        loses: what it cannot hold, for the user; empty where there is nothing.
         open: opens a file; the second argument names the column of episode numbers, where the format leaves it open.
         write: writes demonstrations to a path that does not exist yet.
     """
@@ -115,7 +114,6 @@ class Format:
     spelling: str
     directory: bool
     least_frames: int
-    loses: str
     open: Callable[[Path, str | None], AbstractContextManager[Source]]
     write: Callable[[Path, Shown], None]
 

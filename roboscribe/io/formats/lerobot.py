@@ -343,7 +343,6 @@ FORMAT = Format(
     spelling="a directory with meta/info.json (LeRobotDataset v3)",
     directory=True,
     least_frames=1,
-    loses="",
     open=open_lerobot,
     write=write_lerobot,
 )

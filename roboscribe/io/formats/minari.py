@@ -221,7 +221,6 @@ FORMAT = Format(
     spelling="a directory with data/metadata.json and data/main_data.hdf5 (Minari)",
     directory=True,
     least_frames=1,
-    loses="",
     open=open_minari,
     write=write_minari,
 )

@@ -251,7 +251,6 @@ FORMAT = Format(
     spelling="an archive of NumPy arrays",
     directory=False,
     least_frames=1,
-    loses="",
     open=open_npz,
     write=write_npz,
 )

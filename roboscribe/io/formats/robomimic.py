@@ -213,7 +213,6 @@ FORMAT = Format(
     spelling="an HDF5 file with the group data/demo_0 (robomimic)",
     directory=False,
     least_frames=2,
-    loses="episodes of a single frame",
     open=open_robomimic,
     write=write_robomimic,
 )
