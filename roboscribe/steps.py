@@ -261,5 +261,6 @@ class Limits:
         return outcome.interval[1] >= self.success
 
     def doubtful(self, outcome: Outcome) -> bool:
-        """Whether more episodes would tell if an outcome that is not what is wanted comes from a program that is."""
-        return not self.met(outcome) and self.undecided(outcome)
+        """Whether more episodes would tell if a program that fails at times is good enough: its interval has both."""
+        low, high = outcome.interval
+        return outcome.successes < outcome.episodes and low < self.success <= high
