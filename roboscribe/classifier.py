@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, speaks_of_goals_alone, walk
+from roboscribe.dsl.rewrite import free_vars, rename, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Term, Truth
 from roboscribe.errors import Fail
@@ -98,13 +98,23 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
 
 
 def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evidence) -> tuple[Feature, ...]:
-    """Leave out what no crossing changes, and where goals lie: a goal that moves rides on something that is moved."""
+    """Leave out what no crossing changes, but for moving goals: a goal that moves rides on something that is moved."""
+    still = _with_goals_at_rest(crossings, evidence)
     return tuple(
-        feature
-        for feature in features
-        if not speaks_of_goals_alone(feature.term)
-        and not is_lasting(feature.values(crossings.frames, evidence.layout), crossings.starts)
+        feature for feature in features if not is_lasting(feature.values(still, evidence.layout), crossings.starts)
     )
+
+
+def _with_goals_at_rest(crossings: Crossings, evidence: Evidence) -> FloatArray:
+    """Return the frames of crossings (S, F) with every goal where it is when its crossing begins."""
+    goals = [column for (_, _, goal), place in evidence.layout.columns.items() if goal for column in _columns(place)]
+    still = crossings.frames.copy()
+    still[:, goals] = np.repeat(crossings.frames[crossings.starts], crossings.lengths, axis=0)[:, goals]
+    return still
+
+
+def _columns(place: slice) -> range:
+    return range(place.start, place.stop)
 
 
 @dataclass(frozen=True, eq=False)

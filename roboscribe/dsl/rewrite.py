@@ -89,11 +89,6 @@ def depth(node: Node) -> int:
     return deep
 
 
-def speaks_of_goals_alone(term: Term) -> bool:
-    """Tell whether all that a term looks at are goals."""
-    return all(isinstance(part.of, Goal) for part in walk(term) if isinstance(part, Proj))
-
-
 def uses_robot(node: Node) -> bool:
     """Tell whether μ occurs."""
     return any(isinstance(part, Robot) for part in walk(node))

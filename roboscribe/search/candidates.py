@@ -121,7 +121,7 @@ class Candidate:
         predicate: φ.
         accepted: share of the negatives on which φ holds.
         initial: share of the crossings in which φ holds at the start.
-        kept: share of the frames after φ first held, up to the goal, on which it holds.
+        kept: share of the frames after φ first held, up to the goal, on which it holds; the mean over crossings.
         first: where in a crossing φ first holds, median, 0 start to 1 goal.
         copy: whether φ compares what the goal or a subgoal before it compares, with another threshold; that explains
             nothing, but where it is the first to restore what an earlier subgoal undid.
@@ -184,7 +184,8 @@ class Candidate:
     @property
     def cost(self) -> float:
         """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says."""
-        lateness = 0.0 if self.each else self.first  # what a loop repeats is complete with the task
+        complete_with_task = self.each and not self.with_others  # as what a loop repeats is
+        lateness = 0.0 if complete_with_task else self.first
         price = lateness + ACCEPTED_COST * self.accepted + NODE_COST * self.size
         price += ENTITY_COST * max(0, self.entities - 1)
         return round(price - BIT_GAIN * self.bits, 3)
@@ -307,7 +308,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         predicate=it.predicate,
         accepted=float(it.on_negatives.mean()) if it.on_negatives.size else 0.0,
         initial=float(np.mean(first == 0)),
-        kept=float(it.on_frames[since].mean()) if since.any() else 0.0,
+        kept=_kept(it.on_frames, since, samples.starts),
         first=way,
         copy=any(is_copy(f, samples.restored if restores else samples.known) for f in it.features),
         relevant=samples.goal_entities <= names and not _done_elsewhere(names, first, samples),
@@ -347,6 +348,16 @@ def _done_elsewhere(names: frozenset[str], first: IntArray, samples: Samples) ->
     That a mug stands far below a drawer follows from its being where another branch brings it.
     """
     return any(moved & names and np.median(done - first) >= 0 for moved, done in samples.elsewhere)
+
+
+def _kept(truth: BoolArray, since: BoolArray, starts: IntArray) -> float:
+    """Return the share of the frames `since` φ first held on which it does, on average over crossings.
+
+    Whoever passes by early on and is long away again is one of many.
+    """
+    held, after = (np.add.reduceat(part.astype(np.int64), starts) for part in (truth & since, since))
+    seen = after > 0
+    return float(np.mean(held[seen] / after[seen])) if seen.any() else 0.0
 
 
 def _since(first: IntArray, starts: IntArray, total: int) -> BoolArray:

@@ -180,11 +180,11 @@ def _together(values: FloatArray, first: IntArray, late: BoolArray, pairs: Pairs
 
 
 def _kept(truth: BoolArray, first: IntArray, pairs: Pairs) -> float:
-    """Share of the frames after an entity first satisfied it on which it does."""
-    held = total = 0
-    for d, (start, last) in enumerate(zip(pairs.starts, pairs.lasts, strict=True)):
-        for n in range(len(truth)):
-            if first[d, n] <= last - start:
-                part = truth[n, start + first[d, n] : last + 1]
-                held, total = held + int(part.sum()), total + len(part)
-    return held / max(1, total)
+    """Share of the frames after an entity first satisfied it on which it does, on average over pairs that do."""
+    shares = [
+        float(truth[n, start + first[d, n] : last + 1].mean())
+        for d, (start, last) in enumerate(zip(pairs.starts, pairs.lasts, strict=True))
+        for n in range(len(truth))
+        if first[d, n] <= last - start
+    ]
+    return float(np.mean(shares)) if shares else 0.0

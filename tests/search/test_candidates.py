@@ -135,7 +135,7 @@ def test_figures_of_three_demonstrations_by_hand() -> None:
     found = judged("0111 0010 1111", three_demonstrations())
     assert found.accepted == 0.25
     assert found.initial == pytest.approx(1 / 3)
-    assert found.kept == pytest.approx((3 + 1 + 4) / (3 + 2 + 4))
+    assert found.kept == pytest.approx((3 / 3 + 1 / 2 + 4 / 4) / 3)
     assert found.first == pytest.approx(1 / 3)
     assert found.relevant
     assert (found.standing, found.bits, found.each) == (0, 2.0, False)
