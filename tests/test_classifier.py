@@ -13,7 +13,7 @@ from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.subtask_tree import ROOT, Node, Place, Tree, update_tree
-from roboscribe.world.layout import FloatArray, Layout
+from roboscribe.world.layout import ROBOT, Attribute, BoolArray, FloatArray, Layout, ObjectType
 from roboscribe.world.trajectory import Trajectory
 from tests.handmade import AT, HOLD, carry, chain, evidence, node, state
 from tests.search.examples import LAYOUT as GAUGED
@@ -259,3 +259,50 @@ def test_what_takes_three_atoms_is_told_by_a_decision_tree() -> None:
     given = Evidence(tuple(shown), lambda s: np.arange(len(s)) % 30 >= 25)
     answer = learned(learn_classifier(low, given, Tree(), ROOT))
     assert share(answer.node.predicate, low, given) < 0.05
+
+
+PLACE, OPENED = Attribute("position", ("x", "y")), Attribute("opened", ("opened",))
+RIDING = Layout(
+    ObjectType("EE", (PLACE,)),
+    (ObjectType("drawer", (OPENED,)), ObjectType("ball", (PLACE,), (PLACE,)), ObjectType("lamp", (PLACE,))),
+)
+
+
+def opening(rng: np.random.Generator) -> Trajectory:
+    """Open a drawer that carries the goal of a ball, and put the ball there; a lamp stands still."""
+    states = np.zeros((30, RIDING.size))
+    opened, ball, goal, lamp, hand = (
+        RIDING.columns[key]
+        for key in (
+            (0, "opened", False),
+            (1, "position", False),
+            (1, "position", True),
+            (2, "position", False),
+            (ROBOT, "position", False),
+        )
+    )
+    states[:, opened.start] = np.clip(np.arange(30) / 10, 0.0, 1.0) * rng.uniform(0.8, 1.0)
+    states[:, goal.start] = 3.0 + states[:, opened.start]
+    states[:, hand] = rng.uniform(0.0, 1.0, 2) + np.linspace(0.0, 1.0, 30)[:, None]
+    states[:, ball] = rng.uniform(0.0, 1.0, 2)
+    states[20:, ball] = states[20:, goal]
+    states[:, lamp] = 5.0
+    return Trajectory(RIDING, states)
+
+
+def ball_is_in(states: FloatArray) -> BoolArray:
+    """Tell where the ball is in the drawer."""
+    return np.asarray(states[..., RIDING.columns[1, "position", False].start] > 1.5)
+
+
+def test_what_moving_goals_alone_change_is_not_on_offer() -> None:
+    """How far a goal that rides on the drawer is from the lamp says no more than how far the drawer is open."""
+    rng = np.random.default_rng(0)
+    shown = Evidence.of([opening(rng) for _ in range(20)], ball_is_in)
+    failures = np.concatenate([each.states[:5] for each in shown.trajectories])
+    terms = " ".join(str(row.predicate) for row in learned(learn_classifier(failures, shown, Tree(), ROOT)).table)
+    assert "d1↓opened" in terms
+    assert "l1↓x − g(b1)" not in terms
+    assert "g(b1)↓x − l1" not in terms
+    assert "‖l1↓xy − g(b1)↓xy‖" not in terms
+    assert "‖g(b1)↓xy − l1↓xy‖" not in terms
