@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import pi
 from typing import TypeAlias, assert_never
 
 import numpy as np
@@ -30,7 +31,6 @@ from roboscribe.dsl.syntax import (
     Var,
 )
 from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.units import is_angle, turn
 
 Binding: TypeAlias = Mapping[str, IntArray | int]
 """Entity index by variable name; arrays broadcast against the leading axes of the states."""
@@ -172,8 +172,8 @@ def _difference(left: tuple[FloatArray, str], right: tuple[FloatArray, str], ter
         msg = f"{term} subtracts {b.shape[-1]} numbers from {a.shape[-1]}; expected equal counts"
         raise ValueError(msg)
     value = a - b
-    if unit == other and is_angle(unit) and value.shape[-1] == 1:
-        value -= turn(unit) * np.round(value / turn(unit))
+    if unit == other == "rad" and value.shape[-1] == 1:  # dials are labelled in degrees, and have stops
+        value -= 2 * pi * np.round(value / (2 * pi))
     return value, unit or other
 
 

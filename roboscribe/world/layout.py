@@ -29,7 +29,8 @@ class Attribute:
         name: for instance "position" or "opening".
         components: one name per number; a scalar attribute has its own name as its only component.
         unit: a length or an angle, see `units`; either with "/s" for its speed; "quaternion" (unit norm); "flag" (0 or
-            1, in no predicate); or any other, such as "1", whose numbers are only compared with their like.
+            1, in no predicate); or any other, such as "1", whose numbers are only compared with their like. Differences
+            of angles in "rad" take the short way round; readings in "deg" do not, for dials have stops.
         low: least value that can be right, in `unit`.
         high: greatest value that can be right, in `unit`.
     """
