@@ -16,7 +16,7 @@ from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
-from roboscribe.search.predicates import ball, bits, bound, too_fine, usual_range
+from roboscribe.search.thresholds import ball, bits, bound, too_fine, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true
 

@@ -14,7 +14,8 @@ from roboscribe.dsl.rewrite import conjuncts, walk
 from roboscribe.dsl.syntax import And, Const, Norm, Proj, Var
 from roboscribe.search.candidates import Anchor, is_copy
 from roboscribe.search.features import Feature
-from roboscribe.search.predicates import Candidate, bound, far_side, rank_predicates, too_fine, usual_range
+from roboscribe.search.predicates import Candidate, rank_predicates
+from roboscribe.search.thresholds import bound, far_side, too_fine, usual_range
 from tests.search.examples import FEATURES, GAUGES, LAYOUT, planted, random_states, samples, truth_of
 
 
