@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.text import Text
 
-from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS
+from roboscribe.defaults import CONTACT, EVALUATION_EPISODES, N_DEMONSTRATIONS, TIMING
 from roboscribe.errors import RoboScribeError
 from roboscribe.pipelines.commands import baseline, data, inspection, synthesis
 from roboscribe.pipelines.commands import disturb as disturb_command
@@ -117,8 +117,8 @@ def demos(
     seed: Seed = 0,
     style: Annotated[str, typer.Option(help=STYLE_HELP)] = "default",
     failing: Annotated[float, typer.Option(min=0, max=0.5, help="share of them that ends without success")] = 0.0,
-    contact: Contact = "stable",
-    timing: Timing = "fast",
+    contact: Contact = CONTACT,
+    timing: Timing = TIMING,
 ) -> None:
     """Collect noisy scripted demonstrations into a Parquet file."""
     from roboscribe.stages.collect import Config, collect

@@ -107,14 +107,11 @@ def _changing(features: Sequence[Feature], crossings: Crossings, evidence: Evide
 
 def _with_goals_at_rest(crossings: Crossings, evidence: Evidence) -> FloatArray:
     """Return the frames of crossings (S, F) with every goal where it is when its crossing begins."""
-    goals = [column for (_, _, goal), place in evidence.layout.columns.items() if goal for column in _columns(place)]
+    places = [place for (_, _, goal), place in evidence.layout.columns.items() if goal]
+    goals = [column for place in places for column in range(place.start, place.stop)]
     still = crossings.frames.copy()
     still[:, goals] = np.repeat(crossings.frames[crossings.starts], crossings.lengths, axis=0)[:, goals]
     return still
-
-
-def _columns(place: slice) -> range:
-    return range(place.start, place.stop)
 
 
 @dataclass(frozen=True, eq=False)

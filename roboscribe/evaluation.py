@@ -39,6 +39,11 @@ def episode_seeds(seed: int, purpose: str, episodes: int) -> IntArray:
     return rng.integers(2**31, size=episodes, dtype=np.int64)
 
 
+def trial_seeds(seed: int, goal: str, episodes: int) -> IntArray:
+    """Draw the seeds (E,) of the episodes in which programs for a goal are tried."""
+    return episode_seeds(seed, f"roll out {goal}", episodes)
+
+
 def waves(
     program: Runnable, task: Task, seeds: IntArray, goal: str = ROOT, watch: Watch = ignore_counts
 ) -> Iterator[Rollouts]:
@@ -92,7 +97,7 @@ def try_program(
     Departs: the paper runs a fixed number. At 95 of 100 a program may be better than asked or miss it clearly; episodes
         cost less than another subgoal.
     """
-    seeds = episode_seeds(seed, f"roll out {goal}", LONGEST_TRIAL * episodes)
+    seeds = trial_seeds(seed, goal, LONGEST_TRIAL * episodes)
     successes = 0
     for start in range(0, len(seeds), episodes):
         if start and (limits is None or not limits.doubtful(Outcome(successes, start, np.empty((0, 0))))):

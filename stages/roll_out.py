@@ -8,7 +8,7 @@ from pathlib import Path
 
 from roboscribe.abstraction_refinement import Outcome
 from roboscribe.defaults import CONFIRM, ROLLOUT_EPISODES
-from roboscribe.evaluation import Endings, episode_seeds, episode_table, summary, try_program
+from roboscribe.evaluation import Endings, episode_table, summary, trial_seeds, try_program
 from roboscribe.io.atomic import write_file
 from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_runnable
@@ -68,7 +68,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
     failures = Outcome.total(map(Outcome.of, done)).failures
     write_file(out / FAILURES, failures_bytes(failures))
     ended = [Endings.of(rollouts) for rollouts in done]
-    seeds = episode_seeds(config.seed, label, sum(len(each.success) for each in ended))
+    seeds = trial_seeds(config.seed, config.goal, sum(len(each.success) for each in ended))
     write_json(out / EPISODES, episode_table(ended, seeds))
     write_json(out / OUTCOME, summary(ended))
 

@@ -29,6 +29,7 @@ class Tokenizer(nn.Module):
     count: torch.Tensor
     mean: torch.Tensor
     variance: torch.Tensor
+    metres: torch.Tensor
 
     def __init__(self, spec: TokenSpec, layout: Layout) -> None:
         """Bind a spec to a layout; the statistics, but not the layout, are part of the weights."""
@@ -38,6 +39,7 @@ class Tokenizer(nn.Module):
         found = np.where(columns == ABSENT, layout.size, columns)  # the column behind the last one holds NaN
         self.register_buffer("columns", torch.from_numpy(found), persistent=False)
         self.register_buffer("kinds", torch.from_numpy(spec.kinds(layout)).float(), persistent=False)
+        self.register_buffer("metres", torch.tensor(spec.metres), persistent=False)
         for name, value in (("count", 0.0), ("mean", 0.0), ("variance", 1.0)):
             self.register_buffer(name, torch.full((spec.width + spec.differences,), value, dtype=torch.float64))
 
@@ -46,7 +48,7 @@ class Tokenizer(nn.Module):
         raw = self.raw(states)
         spread = self.variance.sqrt().clamp(min=LEAST_SPREAD).float()
         normal = ((raw - self.mean.float()) / spread).clamp(-CLIP, CLIP)
-        differences = raw[..., self.spec.width :] * torch.tensor(self.spec.metres)
+        differences = raw[..., self.spec.width :] * self.metres
         fine = [(differences / scale).clamp(-FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
         seen = torch.cat([normal, *fine], dim=-1)
         kinds = self.kinds.expand(len(states), *self.kinds.shape)

@@ -19,6 +19,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import TypeAlias
 
+from roboscribe.defaults import CONTACT, TIMING
 from roboscribe.dsl.fields import check_layout
 from roboscribe.envs import tasks as own
 from roboscribe.errors import TaskError
@@ -158,7 +159,7 @@ def task_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for family in _families() for name in family.examples))
 
 
-def make_task(name: str, *, contact: str = "stable", timing: str = "fast") -> Task:
+def make_task(name: str, *, contact: str = CONTACT, timing: str = TIMING) -> Task:
     """Build a task.
 
     Args:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+from roboscribe.defaults import CONTACT, TIMING
 from roboscribe.envs.catalogue import make_task, origin_of
 from roboscribe.evidence import Evidence
 from roboscribe.io.atomic import sha256_of
@@ -29,8 +30,8 @@ class TaskConfig:
     """
 
     name: str
-    contact: str = "stable"
-    timing: str = "fast"
+    contact: str = CONTACT
+    timing: str = TIMING
     light: bool = False
     horizon: int | None = None
 
