@@ -147,7 +147,10 @@ def _less(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> Solu
     """Take one subgoal or atom out, the latest that is not needed; what it was needed for may be next."""
     least = min(limits.success, found.rate)
     for node in reversed(found.tree.nodes[2:]):
+        others = [other.predicate for other in found.tree.nodes if other.name != node.name]
         for shorter, what in _shorter(node):
+            if shorter is not None and shorter.predicate in others:
+                continue  # that is reached already: the controller would act on, and the program not say until when
             tree = found.tree.without(node.name) if shorter is None else found.tree.replacing(shorter)
             possible = possible_program(tree, steps) if len(tree.nodes) > 2 else Fail("nothing would be left")
             if isinstance(possible, Fail):

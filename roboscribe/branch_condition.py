@@ -8,32 +8,38 @@ from itertools import combinations, product
 import numpy as np
 
 from roboscribe.dsl.fields import components, same_measure
-from roboscribe.dsl.rewrite import size
+from roboscribe.dsl.rewrite import rename, size
 from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Not, Predicate, Term, Var
+from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Norm, Not, Object, Predicate, Robot, Term, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
+from roboscribe.search.differences import differences
 from roboscribe.search.loop_entities import is_lasting
 from roboscribe.subtask_tree import Node
-from roboscribe.world.layout import BoolArray
+from roboscribe.world.layout import BoolArray, IntArray, ObjectType
 from roboscribe.world.trajectory import AGREEMENT
 
+BY_ACCIDENT = 0.05
+"""How seldom one of all distances may tell the order of demonstrations by accident."""
 DIGITS = range(3, 16)
 """Significant digits of a threshold: as few as will do."""
 
 
-def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | Fail:
+def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray | None = None) -> Predicate | Fail:
     """Find when `one` is reached before `other`, as a predicate on the initial state.
 
     Args:
         evidence: demonstrations.
         one: a branch's node.
         other: the branch that comes first where the predicate is false.
+        chosen: (D,) step of each demonstration at which the first of the two is chosen; None where more than the two
+            wait then, so that nothing that moves may decide.
 
     Returns:
         The smallest comparison of attributes of the two nodes' entities and goals, or its negation; where there is
-        none, what a number that no branch changes has to do with it. Fail where nothing explains it, or where there
-        are so few demonstrations that something would by accident.
+        none, what a number that no branch changes has to do with it, or which of two distances is shorter when the
+        branch is chosen. Fail where nothing explains it, or where there are so few demonstrations that something would
+        by accident.
 
     Source: Sec. 4.5.
     """
@@ -48,9 +54,9 @@ def order_condition(evidence: Evidence, one: Node, other: Node) -> Predicate | F
         for predicate, answer in ((test, truth), (Not(test), ~truth)):
             if np.mean(answer != first) <= 1.0 - AGREEMENT:
                 return predicate
-    reading = _telling_reading(evidence, first)
-    if reading is not None:
-        return reading
+    reason = _telling_reading(evidence, first) or _shorter_distance(evidence, one, other, first, chosen)
+    if reason is not None:
+        return reason
     return Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
 
 
@@ -71,6 +77,45 @@ def _telling_reading(evidence: Evidence, first: BoolArray) -> Predicate | None:
                 widest = best[np.argmax(np.diff(levels)[best])]
                 return side(term, Const(_rounded(float(levels[widest]), float(levels[widest + 1]))))
     return None
+
+
+def _shorter_distance(
+    evidence: Evidence, one: Node, other: Node, first: BoolArray, chosen: IntArray | None
+) -> Predicate | None:
+    """Find which distance is shorter where `first` (D,), when a branch is chosen; None where none tells."""
+    if chosen is None or len(one.entities) != 1 or len(other.entities) != 1:
+        return None
+    tests = list(_distance_comparisons(evidence, one.entities[0], other.entities[0]))
+    if len(first) < np.log2(max(1, 2 * len(tests)) / BY_ACCIDENT):
+        return None
+    lengths = np.diff(np.append(evidence.starts, len(evidence.states)))
+    states = evidence.states[evidence.starts + np.minimum(chosen, lengths - 1)]
+    for test in tests:
+        truth = holds(test, states, {}, evidence.layout)
+        for predicate, answer in ((test, truth), (Not(test), ~truth)):
+            if np.mean(answer != first) <= 1.0 - AGREEMENT:
+                return predicate
+    return None
+
+
+def _distance_comparisons(evidence: Evidence, one: str, two: str) -> Iterator[Less]:
+    """One entity is nearer than the other to the robot, to its own goal, or to a third one without like."""
+    layout = evidence.layout
+    first, second = (layout.types[evidence.types[name]] for name in (one, two))
+    if min(len(layout.of_type(first.name)), len(layout.of_type(second.name))) > 1:
+        return
+    marks: list[tuple[Object, ObjectType]] = [(Robot(), layout.robot)]
+    marks += [
+        (Var(name), layout.types[kind])
+        for name, kind in evidence.types.items()
+        if name not in (one, two) and len(layout.of_type(kind)) == 1
+    ]
+    kinds = ((one, first), (two, second))
+    for mark, its in marks:
+        nearer = [list(differences(mark, its, Var(name), kind)) for name, kind in kinds]
+        yield from (Less(Norm(a), Norm(b)) for a, b in product(*nearer) if a.left == b.left)
+    own = [list(differences(Var(name), kind, Goal(Var(name)), kind)) for name, kind in kinds]
+    yield from (Less(Norm(a), Norm(b)) for a, b in product(*own) if a.left == rename(b.left, {two: one}))
 
 
 def _rounded(below: float, above: float) -> float:

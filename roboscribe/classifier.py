@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename, walk
+from roboscribe.dsl.rewrite import free_vars, rename, uses_robot, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Term, Truth
 from roboscribe.errors import Fail
@@ -22,6 +22,7 @@ from roboscribe.search.recurring import recurring_candidates
 from roboscribe.subtask_tree import ROOT, Node, Place, Tree
 from roboscribe.world.layout import FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, NEVER
+from roboscribe.world.units import is_length
 
 MOST_NEGATIVES = 6_000
 """Negatives beyond this many are thinned evenly."""
@@ -83,7 +84,8 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     for part in _parts(crossings, features, evidence, tree, psi):
         samples = _samples(part, negatives, evidence, tree, psi, features)
         recurring = [] if found else list(_recurring(samples, evidence, tree, psi))
-        found += rank_predicates(part.features, samples, recurring)
+        others = {str(c.predicate) for c in found if c.possible}
+        found += [c for c in rank_predicates(part.features, samples, recurring) if str(c.predicate) not in others]
     if not any(c.possible for c in found):
         whole = _Part(crossings, features, tuple(tree.below(psi)))
         found += learn_decision_tree(features, _samples(whole, negatives, evidence, tree, psi, features))
@@ -123,14 +125,14 @@ class _Part:
         features: what is judged on it.
         known: subgoals that must not be repeated.
         whole: what it was cut out of, if it was.
-        after_loop: whether it begins when a loop has dealt with its entities.
+        afterwards: whether it begins when all that comes before the goal is done.
     """
 
     crossings: Crossings
     features: Sequence[Feature]
     known: tuple[Node, ...]
     whole: Crossings | None = None
-    after_loop: bool = False
+    afterwards: bool = False
 
 
 def _parts(
@@ -140,22 +142,23 @@ def _parts(
 
     Within a loop, what is not about the entity that it serves is brought about once, before or while the first one is
     served. After a loop, what speaks of no entity by name is brought about by leaving, so it is judged from where all
-    that comes before is done; to be far from every block is no copy of having been near to each.
+    that comes before is done; to be far from every block is no copy of having been near to each. What is about the
+    robot and something by name may be brought about by leaving, too, wherever the robot was before.
     """
     loop, below = tree.loop_around(psi), tuple(tree.below(psi))
     once = [f for f in features if loop is not None and free_vars(f.term) and _named(f) and loop.role not in _named(f)]
     before = tree.predecessors(psi) if psi == ROOT else ()
-    before = before if any(node.circular for node in before) else ()
     done = [crossings.first_steps(n.completed(evidence.types), evidence.layout, evidence.solved) for n in before]
     late = evidence.cut(crossings, np.max(done, axis=0)) if done else crossings
     seen = bool(done) and len(late.starts) >= AGREEMENT * len(crossings.starts)
-    left = [f for f in features if seen and not _named(f)]
+    left = [f for f in features if seen and not _named(f) and any(node.circular for node in before)]
     yield _Part(crossings, [f for f in features if f not in once and f not in left], below)
     if once:
         first = np.array([0 if p.begin == 0 else len(crossings.frames) for p in crossings.passages], dtype=np.int64)
         yield _Part(evidence.cut(crossings, first), once, below, crossings)
+    left += [f for f in features if seen and _named(f) and uses_robot(f.term) and is_length(f.unit)]
     if left:
-        yield _Part(late, left, before, crossings, after_loop=True)
+        yield _Part(late, left, before, crossings, afterwards=True)
 
 
 def _named(feature: Feature) -> set[str]:
@@ -170,7 +173,8 @@ def alternative(refinement: Refinement, rank: int, evidence: Evidence, tree: Tre
     name = name_predicate(candidate.predicate, {node.name for node in tree.nodes})
     over = next((n for n in evidence.types if n in free_vars(candidate.predicate) and _several(n, evidence)), "")
     over = over if candidate.each else ""
-    node = Node(name, candidate.predicate, candidate.each, dict(candidate.scales), over, candidate.only)
+    scales, afterwards = dict(candidate.scales), candidate.afterwards
+    node = Node(name, candidate.predicate, candidate.each, scales, over, candidate.only, afterwards)
     return replace(refinement, node=node, place=place_of(node, evidence, tree, refinement.psi))
 
 
@@ -185,7 +189,7 @@ def place_of(node: Node, evidence: Evidence, tree: Tree, psi: str) -> Place:
     Source: the order i(D, φ) of Algorithm 5, line 10, within the service of one entity.
     """
     before = ""
-    waiting = list(tree.predecessors(psi))
+    waiting = [] if node.afterwards else list(tree.predecessors(psi))
     while waiting:
         old = waiting.pop()
         if node.circular and old.circular and node.role == old.role and not _same_phase(node, old, evidence):
@@ -256,7 +260,7 @@ def _samples(
     """Gather what predicates are judged on; `features` are all on offer."""
     crossings, nodes = part.crossings, (*tree.above(psi), *part.known)
     steps: dict[frozenset[str], tuple[IntArray, ...]] = {}
-    for node in tree.below(psi):
+    for node in () if part.afterwards else tree.below(psi):
         about = frozenset(node.entities)
         first = crossings.first_steps(node.lifted(evidence.types), evidence.layout, evidence.solved)
         steps[about] = (*steps.get(about, ()), first)
@@ -276,8 +280,10 @@ def _samples(
         goal_entities=_at_stake(evidence, tree, psi),
         elsewhere=tuple(_elsewhere(crossings, evidence, tree, psi)),
         root=psi == ROOT,
-        after_loop=part.after_loop,
-        anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
+        afterwards=part.afterwards,
+        anchors=()
+        if part.afterwards
+        else tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
 
 

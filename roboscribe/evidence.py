@@ -173,14 +173,13 @@ class Evidence:
         return tuple(found)
 
     def _after_loops(self, tree: Tree, name: str) -> IntArray:
-        """Step at which each demonstration turns to a node, (D,); if it names nobody, when all before it is done.
+        """Step at which each demonstration turns to a node, (D,); to leaving when all before it is done.
 
         What is said of no entity by name may be true by chance while a loop is under way.
         """
-        begins = np.zeros(len(self.trajectories), dtype=np.int64)
-        if name == ROOT or free_vars(tree.node(name).predicate):
-            return begins
-        before = tree.predecessors(name) if any(node.circular for node in tree.below(name)) else ()
+        begins, goal = np.zeros(len(self.trajectories), dtype=np.int64), tree.node(name)
+        nameless = name != ROOT and not free_vars(goal.predicate) and any(node.circular for node in tree.below(name))
+        before = tree.predecessors(name) if goal.afterwards or nameless else ()
         for node in before:
             over = self.first_steps(node.completed(self.types))
             begins = np.maximum(begins, np.where(over == NEVER, 0, over))

@@ -9,11 +9,10 @@ from itertools import product
 
 import numpy as np
 
-from roboscribe.dsl.fields import components, projections, same_measure
+from roboscribe.dsl.fields import components, same_measure
 from roboscribe.dsl.rewrite import conjunction, free_vars, negation_normal_form, rename, walk
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import (
-    Diff,
     Goal,
     Less,
     Norm,
@@ -27,6 +26,7 @@ from roboscribe.dsl.syntax import (
 )
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
+from roboscribe.search.differences import differences
 from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, strictest_literal, top_down_enum
 from roboscribe.subtask_tree import Node, Tree
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, ObjectType
@@ -310,17 +310,9 @@ def _distances(evidence: Evidence, entity: Var, kind: ObjectType) -> Iterator[Te
     """Yield how far an entity is from its goal, and how far either is from the robot and from what has no like."""
     layout = evidence.layout
     ends: tuple[Object, ...] = (entity, Goal(entity))
-    yield from _apart(ends[0], kind, ends[1], kind)
+    yield from map(Norm, differences(ends[0], kind, ends[1], kind))
     landmarks: list[tuple[Object, ObjectType]] = [(Robot(), layout.robot)]
     landmarks += [(Var(name), layout.types[of]) for name, of in evidence.types.items() if len(layout.of_type(of)) == 1]
     for landmark, its in landmarks:
         for end in ends:
-            yield from _apart(landmark, its, end, kind)
-
-
-def _apart(near: Object, its: ObjectType, far: Object, others: ObjectType) -> Iterator[Term]:
-    """Yield the distance of two objects, of types `its` and `others`, in every attribute that both have."""
-    for attribute in (a for a in its.described(isinstance(near, Goal)) if a.is_place):
-        for alike in (a for a in others.described(isinstance(far, Goal)) if same_measure(a, attribute)):
-            for a, b in product(projections(near, its, attribute), projections(far, others, alike)):
-                yield Norm(Diff(a, b))
+            yield from map(Norm, differences(landmark, its, end, kind))

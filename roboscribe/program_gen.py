@@ -211,12 +211,18 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
     first = {n.name: evidence.first_steps(n.lifted(evidence.types)) for n in nodes}
     ahead = {(a.name, b.name): float(np.mean(first[a.name] < first[b.name])) for a, b in permutations(nodes, 2)}
     ranked = sorted(nodes, key=lambda n: -sum(ahead[n.name, o.name] for o in nodes if o != n))
+    varied = [
+        (one, other)
+        for one, other in combinations(ranked, 2)
+        if 1.0 - AGREEMENT < ahead[one.name, other.name] < AGREEMENT
+    ]
     conditions: dict[tuple[str, str], Predicate] = {}
-    for one, other in combinations(ranked, 2):
-        if 1.0 - AGREEMENT < ahead[one.name, other.name] < AGREEMENT:
-            there, back = order_condition(evidence, one, other), order_condition(evidence, other, one)
-            if not isinstance(there, Fail) and not isinstance(back, Fail):
-                conditions[one.name, other.name], conditions[other.name, one.name] = there, back
+    for one, other in varied:
+        earlier = [first[node.name] for node in ranked[: ranked.index(one)]]
+        chosen = np.max([np.zeros_like(first[one.name]), *earlier], axis=0) if len(varied) == 1 else None
+        there, back = (order_condition(evidence, *pair, chosen) for pair in ((one, other), (other, one)))
+        if not isinstance(there, Fail) and not isinstance(back, Fail):
+            conditions[one.name, other.name], conditions[other.name, one.name] = there, back
     groups: list[tuple[Node, ...]] = []
     for node in ranked:
         tied = [i for i, g in enumerate(groups) if any((o.name, node.name) in conditions for o in g)]

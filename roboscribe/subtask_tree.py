@@ -29,6 +29,7 @@ class Node:
             their margins, learned ones the spread over what they are shown, see `ProgramTraining.scales`.
         over: of circular nodes, the entity whose place all of its type take; "" for the only one.
         only: of circular nodes, which entities are meant.
+        afterwards: whether it is turned to when all before it is done, wherever the robot has been till then: leaving.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Node:
     scales: Mapping[str, float] = field(default_factory=dict)
     over: str = ""
     only: Predicate = field(default_factory=Truth)
+    afterwards: bool = False
 
     @property
     def served(self) -> Predicate:
@@ -153,8 +155,7 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
     Departs: the edge True → ψ is removed once ψ has a learned predecessor, for True is then reached through it. A φ
         about the entities of a predecessor stands before or after it, whichever the demonstrations show; φ is
         circular from the start where several entities satisfy it, and takes a predecessor's loop over. What a loop
-        needs but does not do for each of its entities precedes the loop; what names no entity, as leaving them all,
-        comes after it and after all else that is there.
+        needs but does not do for each of its entities precedes the loop; leaving comes after all that is there.
     """
     place = place or Place()
     loop = tree.loop_around(psi)
@@ -166,7 +167,7 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
         single = tuple(replace(n, circular=False) if n.name == phi.name else n for n in nodes)
         return Tree(single, (*inserted, (phi.name, place.before)))
     kept = tuple(edge for edge in tree.edges if edge != (TRUE, psi))
-    if not free_vars(phi.predicate) and any(old.circular for old in tree.predecessors(psi)):
+    if phi.afterwards or (not free_vars(phi.predicate) and any(old.circular for old in tree.predecessors(psi))):
         after_all = tuple((a, phi.name) if b == psi else (a, b) for a, b in kept)
         return Tree(nodes, (*after_all, (phi.name, psi)))
     for old in tree.predecessors(psi):

@@ -41,6 +41,7 @@ def node_to_json(node: Node) -> dict[str, Json]:
         "scales": dict(node.scales),
         "over": node.over,
         "only": text(node.only),
+        "afterwards": node.afterwards,
     }
 
 
@@ -49,4 +50,5 @@ def node_from_json(value: Mapping[str, Any]) -> Node:
     scales = {str(term): float(scale) for term, scale in value["scales"].items()}
     predicate, over = parse_predicate(value["predicate"]), str(value.get("over", ""))
     only = parse_predicate(value.get("only", "true"))
-    return Node(str(value["name"]), predicate, bool(value["circular"]), scales, over, only)
+    afterwards = bool(value.get("afterwards", False))
+    return Node(str(value["name"]), predicate, bool(value["circular"]), scales, over, only, afterwards)

@@ -150,6 +150,14 @@ def test_a_subgoal_that_does_not_help_is_removed() -> None:
     assert story.told[-1] == Removed("at", 1.0)
 
 
+def test_no_atom_goes_without_which_a_subgoal_says_what_another_one_says() -> None:
+    """Whatever is left has to say until when its controller acts."""
+    leave = replace(OTHER, predicate=And(AT1.predicate, HOLD1.predicate))
+    answer = solved(Story({**TWO_STEPS}, {ROOT: [AT1, leave]}))
+    assert answer.removed == (str(AT1.predicate),)
+    assert answer.tree.node("other").predicate == HOLD1.predicate
+
+
 def test_what_only_led_to_a_removed_subgoal_is_removed_too() -> None:
     """The first was needed for the second only; without that one neither is missed."""
     third = replace(OTHER, name="third")

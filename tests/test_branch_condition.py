@@ -81,6 +81,28 @@ def test_what_a_demonstration_changes_is_no_condition() -> None:
     assert answer == Fail("no comparison of attributes explains why at sometimes comes before at2")
 
 
+def nearer_first(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
+    return min(left, key=lambda i: float(np.linalg.norm(places[i] - hand)))
+
+
+def test_the_kind_nearer_to_the_hand_may_come_first() -> None:
+    rng = np.random.default_rng(0)
+    task = PointTask("toy", ("peg", "cube"))
+
+    def shown(episodes: int) -> Evidence:
+        goals = np.array([[1.5, 0.0], [1.5, 0.4]])
+        drawn = [
+            legs(task.layout, rng.uniform(0, 1, 2), rng.uniform(0, 1, (2, 2)), goals, nearer_first)
+            for _ in range(episodes)
+        ]
+        return Evidence.of([Trajectory(task.layout, states) for states in drawn], task.solved)
+
+    at_once = np.zeros(30, np.int64)
+    assert order_condition(shown(30), PEG, CUBE, at_once) == parse_predicate("‖μ↓xz − p1↓xz‖ < ‖μ↓xz − c1↓xz‖")
+    assert isinstance(order_condition(shown(30), PEG, CUBE), Fail), "a third branch may move the hand first"
+    assert isinstance(order_condition(shown(6), PEG, CUBE, at_once[:6]), Fail), "some distance would by accident"
+
+
 def test_the_lower_goal_decides_between_two_kinds() -> None:
     task = PointTask("toy", ("peg", "cube"))
     peg, cube = node("at", AT, "p1"), node("at2", AT, "c1")

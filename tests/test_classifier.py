@@ -72,6 +72,53 @@ def test_a_predicate_holds_just_before_the_goal_and_hardly_ever_in_failures() ->
     assert share(answer.node.predicate, failures, SHOWN) < 0.01
 
 
+def hand_and_block(states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Take hand (S, 2), block and goal out of states."""
+    columns = ONE.layout.columns
+    hand = states[:, columns[ROBOT, "position", False]]
+    return hand, states[:, columns[0, "position", False]], states[:, columns[0, "position", True]]
+
+
+def left_alone(states: FloatArray) -> BoolArray:
+    """Tell where the block is at its goal and the hand 0.2 away from it."""
+    hand, block, goal = hand_and_block(states)
+    placed: BoolArray = np.linalg.norm(block - goal, axis=1) < 0.05
+    return placed & (np.linalg.norm(hand - block, axis=1) > 0.2)
+
+
+def carried_and_left(episodes: int = 20) -> Evidence:
+    """Draw demonstrations in which the hand rises, or goes aside, once the block is at its goal."""
+    rng, shown = np.random.default_rng(0), []
+    for _ in range(episodes):
+        carried = carry(ONE, rng, lambda _: [0]).states
+        rising = np.repeat(carried[-1:], 12, axis=0)
+        angle = rng.uniform(0, 2 * np.pi)
+        rising[:, ONE.layout.columns[ROBOT, "position", False]] += np.linspace(0.02, 0.3, 12)[:, None] * [
+            np.cos(angle),
+            np.sin(angle),
+        ]
+        shown.append(Trajectory(ONE.layout, np.concatenate([carried, rising])))
+    return Evidence.of(shown, left_alone)
+
+
+def test_a_hand_leaves_what_it_was_far_from_at_first() -> None:
+    """Leaving is turned to when the block is at its goal, though the hand has been away from it before."""
+    shown, tree = carried_and_left(), chain(HOLD1, AT1)
+    found = learned(learn_classifier(shown.crossings(tree, "at").reached, shown, tree, ROOT))
+    rank = next(rank for rank, candidate in enumerate(found.table) if candidate.afterwards)
+    answer = alternative(found, rank, shown, tree)
+    grown = update_tree(tree, answer.node, ROOT, answer.place)
+    assert grown.predecessors(ROOT) == (answer.node,)
+    assert grown.predecessors(answer.node.name) == (AT1,)
+    begins = [passage.begin for passage in shown.passages(grown, answer.node.name)]
+    assert begins == shown.first_steps(AT1.predicate).tolist()
+    hand, block, _ = hand_and_block(shown.states)
+    far = np.linalg.norm(hand - block, axis=1) > 0.25
+    near = np.linalg.norm(hand - block, axis=1) < 0.1
+    assert share(answer.node.predicate, shown.states[far], shown) > 0.9
+    assert share(answer.node.predicate, shown.states[near], shown) < 0.1
+
+
 def test_the_table_is_ranked_and_its_first_row_is_the_answer() -> None:
     answer = learned(learn_classifier(wandering(ONE), SHOWN, Tree(), ROOT))
     ranks = [candidate.rank for candidate in answer.table]

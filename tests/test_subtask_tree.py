@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -130,6 +131,12 @@ def test_what_names_no_entity_comes_after_a_loop_and_after_all_else() -> None:
     tree = update_tree(update_tree(chain(LOOP1), shut, ROOT, Place(apart=True)), leave, ROOT)
     assert set(tree.edges) == edges(("at", "leave"), ("shut", "leave"))
     assert tree.predecessors(ROOT) == (leave,)
+
+
+def test_leaving_comes_after_all_else() -> None:
+    leave = replace(node("leave", "‖μ↓xz − b1↓xz‖ > 0.2"), afterwards=True)
+    tree = update_tree(chain(HOLD1, AT1), leave, ROOT)
+    assert set(tree.edges) == edges(("hold", "at", "leave"))
 
 
 def test_a_loop_is_around_what_leads_to_it_about_its_entity() -> None:

@@ -40,6 +40,8 @@ CLIP = 4.0
 LEAST_LENGTH_SPREAD, LEAST_ANGLE_SPREAD, LEAST_SPREAD = 0.01, 0.1, 1e-3
 """Least standard deviations by which lengths (m), angles (rad) and other numbers are divided: what hardly varies in
 demonstrations must not explode."""
+STILL = 0.5
+"""Share of those least spreads below which what varies of an entity is an accident, a degree of tilt for instance."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,24 @@ class ObservationSpec:
             return replace(self, mean=(0.0,) * raw.shape[1], std=(1.0,) * raw.shape[1])
         spread = np.maximum(raw.std(axis=0), encoder.least_spread)
         return replace(self, mean=tuple(raw.mean(axis=0).tolist()), std=tuple(spread.tolist()))
+
+    def without_still(self, layout: Layout, states: FloatArray, entities: IntArray) -> ObservationSpec:
+        """Leave out what is seen of entities alone and hardly varies in demonstrated states (R, F), entities (R, n).
+
+        Nothing that was shown depends on it, and where it is another, as the tilt of a block that fell over, a clone
+        would do what nobody showed.
+        """
+        encoder = Encoder(self, layout)
+        varied = encoder.raw(states, entities).std(axis=0) > STILL * encoder.least_spread
+        still, start = set(), 0
+        for rank in self.alone:
+            stop = start + encoder.columns[rank][1].shape[1]
+            if self.parts[rank].slot != ROBOT and not varied[start:stop].any():
+                still.add(rank)
+            start = stop
+        kept = [rank for rank in range(len(self.parts)) if rank not in still]
+        pairs = tuple((kept.index(i), kept.index(j)) for i, j in self.pairs)
+        return replace(self, parts=tuple(self.parts[rank] for rank in kept), pairs=pairs)
 
     def to_json(self) -> dict[str, object]:
         """Return plain lists, numbers and strings."""

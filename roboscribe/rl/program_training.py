@@ -11,12 +11,13 @@ import numpy as np
 
 from roboscribe.defaults import CONFIRM
 from roboscribe.dsl.interpreter import Segment, segment
-from roboscribe.dsl.rewrite import conjunction, controllers, free_vars, run_variables, walk
-from roboscribe.dsl.semantics import evaluate
-from roboscribe.dsl.syntax import Exists, Get, Not, Predicate, Program, Run, Seq, Solved, Truth, While
+from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
+from roboscribe.dsl.semantics import evaluate, holds
+from roboscribe.dsl.syntax import Exists, Get, Predicate, Program, Run, Solved, Truth, While
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.clone import initial_skill
 from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.last_statement import continues_if
 from roboscribe.rl.observation import ObservationSpec, observation_spec
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.skill import Skill
@@ -157,18 +158,15 @@ class ProgramTraining:
         return int(self.draw(name).integers(SEEDS))
 
     def continues_if(self, run: Run) -> Predicate:
-        """Return where the program goes on after `run`; the last statement is to bring ψ_R about, not only its own φ.
-
-        The last statement of a loop that comes last goes on while there is another entity. What the loop's guard names
-        besides is whatever an earlier get binds it to.
-        """
-        body = self.program.body
-        last = body.parts[-1] if isinstance(body, Seq) and body.parts else body
+        """Return where the program goes on after `run`; where it is over, `run` is to bring ψ_R about, too."""
         if not self.solve or isinstance(run.until, Solved):
             return Truth()
-        if isinstance(last, While) and isinstance(last.guard, Get) and controllers(last.body)[-1] is run:
-            return _some(last.guard, [part for part in walk(self.program) if isinstance(part, Get)])
-        return Not(Truth()) if last is run else Truth()
+        return continues_if(self.program, run.controller, self._settled)
+
+    def _settled(self, condition: Predicate) -> bool:
+        """Tell whether a condition never changes in a demonstration."""
+        found = (holds(condition, shown.states, {}, self.task.layout) for shown in self.demonstrations)
+        return all(truth.all() or not truth.any() for truth in found)
 
     def title(self, run: Run) -> str:
         """Return the name under which a skill's progress is kept."""
@@ -242,10 +240,13 @@ class ProgramTraining:
 
     def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
         """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
-        frames = self.frames(run)
-        states, entities = (pool.states, pool.entities) if frames is None else (frames.states, frames.entities)
-        fitted = self.spec(run).fitted(self.task.layout, states, entities)
-        blank = Skill(run.controller, fitted, (), self.task.layout)
+        layout, spec, frames = self.task.layout, self.spec(run), self.frames(run)
+        if frames is None or not len(frames.states):
+            fitted = spec.fitted(layout, pool.states, pool.entities)
+        else:
+            spec = spec.without_still(layout, frames.states, frames.entities)
+            fitted = spec.fitted(layout, frames.states, frames.entities)
+        blank = Skill(run.controller, fitted, (), layout)
         seed = self.seed_of(f"{run.controller} weights")
         return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
 
@@ -276,15 +277,6 @@ class ProgramTraining:
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
         affordable = max(1, int(most / 4 / self.subtask(run).limit))
         return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps
-
-
-def _some(get: Get, earlier: Sequence[Get]) -> Predicate:
-    """Say that an entity is there to get, whatever `earlier` ones bound: those without like need no further words."""
-    found: Predicate = Exists(get.var, get.type, get.where)
-    for each in reversed(earlier):
-        if each.var.name in free_vars(found):
-            found = Exists(each.var, each.type, conjunction([each.where, found]))
-    return found
 
 
 def step_limits(

@@ -90,7 +90,7 @@ class Samples:
         goal_entities: entities that the goal mentions by name.
         elsewhere: of each other branch, what it moves that the goal does not mention, and when (C,) it is done.
         root: whether ψ is ψ_R, which may be nothing but what φ says; another goal has to come after φ.
-        after_loop: whether a loop has dealt with the entities of which φ may speak, all of them at once.
+        afterwards: whether these are the parts of the demonstrations in which all that comes before the goal is done.
         anchors: predecessors of the goal, to which a predicate about the same entities may be added.
     """
 
@@ -109,7 +109,7 @@ class Samples:
     goal_entities: frozenset[str] = frozenset()
     elsewhere: tuple[tuple[frozenset[str], IntArray], ...] = ()
     root: bool = True
-    after_loop: bool = False
+    afterwards: bool = False
     anchors: tuple[Anchor, ...] = ()
 
 
@@ -134,7 +134,8 @@ class Candidate:
         size: nodes of φ.
         family: objects and attributes that φ compares.
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
-            what is about the robot; 2 for what is said of entities with all of which a loop has dealt. Else 0.
+            what is about the robot; 2 for what is said of entities with all of which a loop has dealt, and for leaving
+            something by name. Else 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
         with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
             move that one.
@@ -142,6 +143,7 @@ class Candidate:
             robot alone it may: a button is pressed as soon as the hand is there.
         informative: whether φ says enough, and not by chance, see the function of that name.
         only: of a loop, which entities it is about.
+        afterwards: whether it is brought about when all that comes before the goal is done.
     """
 
     predicate: Predicate
@@ -164,6 +166,7 @@ class Candidate:
     comes_with_it: bool = False
     informative: bool = True
     only: Predicate = field(default_factory=Truth)
+    afterwards: bool = False
 
     @property
     def separates(self) -> bool:
@@ -220,20 +223,25 @@ class Candidate:
         return (*self.levels, self.cost, -self.margin, str(self.predicate))
 
 
-def informative(bits: float, accepted: BoolArray, crossings: int, choices: int, atoms: int = 1) -> bool:
+def informative(
+    bits: float, accepted: BoolArray, crossings: int, choices: int, atoms: int = 1, *, leaving: bool = False
+) -> bool:
     """Tell whether a predicate says enough, and not by chance; arguments as below."""
-    return enough_said(bits, crossings, choices) and not likely_chance(accepted, crossings, choices, atoms)
+    return enough_said(bits, crossings, choices, leaving=leaving) and not likely_chance(
+        accepted, crossings, choices, atoms
+    )
 
 
-def enough_said(bits: float, crossings: int, choices: int) -> bool:
+def enough_said(bits: float, crossings: int, choices: int, *, leaving: bool = False) -> bool:
     """Tell whether a predicate says more than it takes to name it.
 
     Args:
         bits: what it says about one crossing.
         crossings: how often the demonstrations agree with it; from few of them something always seems to follow.
         choices: how many expressions were on offer.
+        leaving: whether it is about leaving something: almost anywhere is away from it.
     """
-    return bool(bits >= LEAST_BITS and bits * crossings >= np.log2(choices))
+    return bool((bits >= LEAST_BITS or leaving) and bits * crossings >= np.log2(choices))
 
 
 def likely_chance(accepted: BoolArray, crossings: int, choices: int, atoms: int = 1) -> bool:
@@ -303,6 +311,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     since = _since(first, samples.starts, len(it.on_frames))
     way = float(np.median(first / np.maximum(1, lengths - 1)))
     restores = np.mean(it.on_frames[samples.starts] & (first > 0) & (first < lengths)) >= AGREEMENT
+    leaving = samples.afterwards and of_robot and bool(names)
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
     return Candidate(
         predicate=it.predicate,
@@ -318,17 +327,20 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),
         bits=it.bits,
-        informative=informative(it.bits, it.on_negatives, len(samples.starts), samples.choices, len(it.features)),
+        informative=informative(
+            it.bits, it.on_negatives, len(samples.starts), samples.choices, len(it.features), leaving=leaving
+        ),
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         comes_with_it=not samples.root and way > LATE and not (of_robot and it.anchor is None),
         standing=_standing(names, samples, of_robot=of_robot),
+        afterwards=samples.afterwards,
     )
 
 
 def _standing(names: frozenset[str], samples: Samples, *, of_robot: bool) -> int:
     """Say how likely what φ is about comes next, see `Candidate`."""
-    if samples.after_loop and not names and not of_robot:
+    if samples.afterwards and of_robot == bool(names):
         return 2
     return int(bool(samples.anchors) and of_robot)
 

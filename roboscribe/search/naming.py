@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from roboscribe.dsl.rewrite import Node, conjuncts, free_vars, uses_robot, walk
-from roboscribe.dsl.syntax import Arctan2, Diff, Exists, Goal, Norm, Not, Object, Predicate, Proj, Robot, Var
+from roboscribe.dsl.syntax import Arctan2, Diff, Exists, Goal, Greater, Norm, Not, Object, Predicate, Proj, Robot, Var
 
 
 def name_predicate(predicate: Predicate, taken: set[str]) -> str:
@@ -19,7 +19,8 @@ def _shape(predicate: Predicate) -> str:
     nodes = list(walk(predicate))
     if any(isinstance(n, Arctan2) for n in nodes):
         return "align"
-    if isinstance(predicate, Not) and isinstance(predicate.of, Exists) and uses_robot(predicate):
+    away = isinstance(predicate, Not) and isinstance(predicate.of, Exists)
+    if uses_robot(predicate) and (away or (isinstance(predicate, Greater) and isinstance(predicate.left, Norm))):
         return "leave"
     pairs = [_compared(n) for n in nodes]
     for pair, name in (({Robot, Var}, "hold"), ({Var, Goal}, "at"), ({Robot, Goal}, "reach")):

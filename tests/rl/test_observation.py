@@ -109,6 +109,21 @@ def test_a_feature_that_hardly_varies_is_not_magnified() -> None:
     assert spec.std == (0.1, 0.01, 0.01), "radians, then metres of the difference"
 
 
+def test_what_hardly_varies_of_an_entity_is_not_seen() -> None:
+    """Blocks tilt by a degree where nobody turns them; of one that lies on its side nothing else was shown."""
+    turned, place = Attribute("rotation", ("rz",), "rad"), Attribute("position", ("x", "y"))
+    scene = Layout(ObjectType("EE", (place, turned)), (ObjectType("block", (place, turned), (place,)),))
+    still = np.random.default_rng(0).normal(0, 0.01, (100, scene.size))
+    entities = np.zeros((100, 1), int)
+    spec = observation_spec(AT, {"b": "block"}, scene)
+    seen = spec.without_still(scene, still, entities)
+    assert [part for part in spec.parts if part not in seen.parts] == [Part(0, "rotation")], "the robot's own is seen"
+    named = [(spec.parts[i], spec.parts[j]) for i, j in spec.pairs]
+    assert [(seen.parts[i], seen.parts[j]) for i, j in seen.pairs] == named
+    still[:, scene.columns[0, "rotation", False]] *= 10
+    assert spec.without_still(scene, still, entities) == spec
+
+
 def test_speeds_of_entities_are_left_out_unless_asked_for() -> None:
     fast = Attribute("velocity", ("vx", "vy"), "m/s")
     place = Attribute("position", ("x", "y"))

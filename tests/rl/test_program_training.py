@@ -5,10 +5,12 @@ import pytest
 
 from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.dsl.rewrite import controllers
+from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Not, Predicate, Program, Truth
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.program_training import ProgramTraining
-from roboscribe.world.layout import BoolArray, FloatArray, Layout, ObjectType
+from roboscribe.world.layout import ROBOT, BoolArray, FloatArray, Layout, ObjectType
+from roboscribe.world.trajectory import Trajectory
 from tests.rl.carry_world import PLANE, Carry
 
 LOOP = """def P(μ : EE):
@@ -44,6 +46,43 @@ def test_the_last_statement_is_to_bring_the_task_about(text: str, continues_if: 
     runs = controllers(program)
     assert [training(program).continues_if(run) for run in runs] == continues_if
     assert [training(program, solve=False).continues_if(run) for run in runs] == [Truth()] * len(runs)
+
+
+BRANCHES = """def P(μ : EE):
+  b := get(λb:block. true);
+  m := get(λm:marker. true);
+  if TEST:
+    π_b(μ, b) until ‖μ↓xy − b↓xy‖ < 0.04;
+    π_m(μ, m) until ‖μ↓xy − m↓xy‖ < 0.04
+  else:
+    π_m(μ, m) until ‖μ↓xy − m↓xy‖ < 0.04;
+    π_b(μ, b) until ‖μ↓xy − b↓xy‖ < 0.04"""
+
+
+def test_in_branches_the_condition_tells_what_comes_last() -> None:
+    goal_right, hand_right = "g(b)↓x > 0.5", "μ↓x > 0.5"
+    task = Marked(blocks=1)
+    states = np.zeros((2, task.layout.size))
+    columns = task.layout.columns
+    states[1, columns[0, "position", True]] = states[:, columns[ROBOT, "position", False]] = 1.0
+    shown = [Trajectory(task.layout, np.stack([state, state])) for state in states]
+    shown[0].states[1, columns[ROBOT, "position", False]] = 0.0
+
+    def goes_on(test: str) -> dict[str, list[bool]]:
+        program = parse_program(BRANCHES.replace("TEST", test))
+        learned = ProgramTraining(task, program, shown, TrainConfig(), 0, solve=True)
+        answers = {run.controller: learned.continues_if(run) for run in learned.runs}
+        return {name: holds(answer, states, {}, task.layout).tolist() for name, answer in answers.items()}
+
+    assert goes_on(goal_right) == {"b": [False, True], "m": [True, False]}
+    assert goes_on(f"¬{goal_right}") == {"b": [True, False], "m": [False, True]}
+    assert goes_on(hand_right) == {"b": [True, True], "m": [True, True]}, "it changes on the way: nothing is known"
+
+
+def test_a_controller_that_comes_earlier_too_is_not_asked_for_the_task() -> None:
+    again = ";\n  π_hold(μ, b) until ‖μ↓xy − b↓xy‖ < 0.04"
+    program = parse_program(LINE + again)
+    assert {training(program).continues_if(run) for run in controllers(program)} == {Truth()}
 
 
 NEAR_FIRST = """def P(μ : EE):

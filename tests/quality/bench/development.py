@@ -169,6 +169,10 @@ TASKS: tuple[KinematicTask, ...] = (
     # towers
     KinematicTask("tower", "tower", (TOWER,), (BUILD,)),
     KinematicTask("tower-hand-away", "tower", (TOWER,), (BUILD,), away=0.2),
+    KinematicTask("place-one-hand-away", "leaving", (Kind("block"),), (SERVE_BLOCKS,), away=0.2),
+    KinematicTask("faucet-hand-away", "leaving", (FAUCET,), (TURN_FAUCET,), away=0.2),
+    KinematicTask("button-hand-away", "leaving", (BUTTON,), (PUSH_BUTTON,), away=0.2),
+    KinematicTask("drawer-hand-away", "leaving", (BARE_DRAWER,), (OPEN,), away=0.2),
     # our own
     KinematicTask(
         "three-attributes",
