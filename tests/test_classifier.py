@@ -82,8 +82,8 @@ def hand_and_block(states: FloatArray) -> tuple[FloatArray, FloatArray, FloatArr
 def left_alone(states: FloatArray) -> BoolArray:
     """Tell where the block is at its goal and the hand 0.2 away from it."""
     hand, block, goal = hand_and_block(states)
-    placed: BoolArray = np.linalg.norm(block - goal, axis=1) < 0.05
-    return placed & (np.linalg.norm(hand - block, axis=1) > 0.2)
+    placed, away = (np.linalg.norm(one - block, axis=1) for one in (goal, hand))
+    return np.asarray((placed < 0.05) & (away > 0.2), np.bool_)
 
 
 def carried_and_left(episodes: int = 20) -> Evidence:
