@@ -281,9 +281,7 @@ def _samples(
         elsewhere=tuple(_elsewhere(crossings, evidence, tree, psi)),
         root=psi == ROOT,
         afterwards=part.afterwards,
-        anchors=()
-        if part.afterwards
-        else tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
+        anchors=tuple(Anchor(node.predicate, node.scales) for node in tree.predecessors(psi) if node.entities),
     )
 
 
