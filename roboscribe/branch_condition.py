@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import combinations, product
 
 import numpy as np
@@ -16,7 +16,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.search.differences import differences
 from roboscribe.search.loop_entities import is_lasting
 from roboscribe.subtask_tree import Node
-from roboscribe.world.layout import BoolArray, IntArray, ObjectType
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout, ObjectType
 from roboscribe.world.trajectory import AGREEMENT
 
 BY_ACCIDENT = 0.05
@@ -49,15 +49,25 @@ def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray
     tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
     if len(first) < np.log2(max(1, 2 * len(tests))):
         return Fail(f"too few demonstrations to tell why {one.name} sometimes comes before {other.name}")
+    unexplained = Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
+    return (
+        _telling_comparison(tests, starts, first, evidence.layout)
+        or _telling_reading(evidence, first)
+        or _shorter_distance(evidence, one, other, first, chosen)
+        or unexplained
+    )
+
+
+def _telling_comparison(
+    tests: Iterable[Predicate], states: FloatArray, first: BoolArray, layout: Layout
+) -> Predicate | None:
+    """Find the first of the tests, or its negation, that holds in states (D, F) where `first` (D,); None where none."""
     for test in tests:
-        truth = holds(test, starts, {}, evidence.layout)
+        truth = holds(test, states, {}, layout)
         for predicate, answer in ((test, truth), (Not(test), ~truth)):
             if np.mean(answer != first) <= 1.0 - AGREEMENT:
                 return predicate
-    reason = _telling_reading(evidence, first) or _shorter_distance(evidence, one, other, first, chosen)
-    if reason is not None:
-        return reason
-    return Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
+    return None
 
 
 def _telling_reading(evidence: Evidence, first: BoolArray) -> Predicate | None:
@@ -90,19 +100,14 @@ def _shorter_distance(
         return None
     lengths = np.diff(np.append(evidence.starts, len(evidence.states)))
     states = evidence.states[evidence.starts + np.minimum(chosen, lengths - 1)]
-    for test in tests:
-        truth = holds(test, states, {}, evidence.layout)
-        for predicate, answer in ((test, truth), (Not(test), ~truth)):
-            if np.mean(answer != first) <= 1.0 - AGREEMENT:
-                return predicate
-    return None
+    return _telling_comparison(tests, states, first, evidence.layout)
 
 
 def _distance_comparisons(evidence: Evidence, one: str, two: str) -> Iterator[Less]:
     """One entity is nearer than the other to the robot, to its own goal, or to a third one without like."""
     layout = evidence.layout
     first, second = (layout.types[evidence.types[name]] for name in (one, two))
-    if min(len(layout.of_type(first.name)), len(layout.of_type(second.name))) > 1:
+    if max(len(layout.of_type(first.name)), len(layout.of_type(second.name))) > 1:
         return
     marks: list[tuple[Object, ObjectType]] = [(Robot(), layout.robot)]
     marks += [

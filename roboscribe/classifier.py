@@ -173,8 +173,15 @@ def alternative(refinement: Refinement, rank: int, evidence: Evidence, tree: Tre
     name = name_predicate(candidate.predicate, {node.name for node in tree.nodes})
     over = next((n for n in evidence.types if n in free_vars(candidate.predicate) and _several(n, evidence)), "")
     over = over if candidate.each else ""
-    scales, afterwards = dict(candidate.scales), candidate.afterwards
-    node = Node(name, candidate.predicate, candidate.each, scales, over, candidate.only, afterwards)
+    node = Node(
+        name,
+        candidate.predicate,
+        candidate.each,
+        dict(candidate.scales),
+        over,
+        candidate.only,
+        candidate.afterwards,
+    )
     return replace(refinement, node=node, place=place_of(node, evidence, tree, refinement.psi))
 
 
