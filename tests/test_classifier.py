@@ -87,17 +87,15 @@ def left_alone(states: FloatArray) -> BoolArray:
 
 
 def carried_and_left(episodes: int = 20) -> Evidence:
-    """Draw demonstrations in which the hand rises, or goes aside, once the block is at its goal."""
+    """Draw demonstrations in which the hand goes away in some direction once the block is at its goal."""
     rng, shown = np.random.default_rng(0), []
     for _ in range(episodes):
         carried = carry(ONE, rng, lambda _: [0]).states
-        rising = np.repeat(carried[-1:], 12, axis=0)
+        leaving = np.repeat(carried[-1:], 12, axis=0)
         angle = rng.uniform(0, 2 * np.pi)
-        rising[:, ONE.layout.columns[ROBOT, "position", False]] += np.linspace(0.02, 0.3, 12)[:, None] * [
-            np.cos(angle),
-            np.sin(angle),
-        ]
-        shown.append(Trajectory(ONE.layout, np.concatenate([carried, rising])))
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        leaving[:, ONE.layout.columns[ROBOT, "position", False]] += np.linspace(0.02, 0.3, 12)[:, None] * direction
+        shown.append(Trajectory(ONE.layout, np.concatenate([carried, leaving])))
     return Evidence.of(shown, left_alone)
 
 

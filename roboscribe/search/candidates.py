@@ -13,7 +13,7 @@ from math import factorial
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, size, uses_robot
-from roboscribe.dsl.syntax import Predicate, Truth
+from roboscribe.dsl.syntax import Exists, Predicate, Truth
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT, first_true, restored
@@ -135,7 +135,7 @@ class Candidate:
         family: objects and attributes that φ compares.
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot; 2 for what is said of entities with all of which a loop has dealt, and for leaving
-            something by name. Else 0.
+            something by name; 3 for what is then said of some of them, for who leaves is away from all. Else 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
         with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
             move that one.
@@ -333,14 +333,16 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         size=size(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         comes_with_it=not samples.root and way > LATE and not (of_robot and it.anchor is None),
-        standing=_standing(names, samples, of_robot=of_robot),
+        standing=_standing(it.predicate, samples, of_robot=of_robot),
         afterwards=samples.afterwards,
     )
 
 
-def _standing(names: frozenset[str], samples: Samples, *, of_robot: bool) -> int:
+def _standing(phi: Predicate, samples: Samples, *, of_robot: bool) -> int:
     """Say how likely what φ is about comes next, see `Candidate`."""
-    if samples.afterwards and of_robot == bool(names):
+    if samples.afterwards and isinstance(phi, Exists):
+        return 3
+    if samples.afterwards and of_robot == bool(free_vars(phi)):
         return 2
     return int(bool(samples.anchors) and of_robot)
 

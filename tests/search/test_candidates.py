@@ -202,6 +202,21 @@ def test_after_a_predecessor_the_world_stands_before_the_robot(text: str, standi
 
 
 @pytest.mark.parametrize(
+    ("text", "standing"),
+    [("¬∃b':block. b'↓p < 0.5", 2), ("∃b':block. b'↓p > 0.5", 3), ("b1↓p < 0.5", 0), ("μ↓opening < 0.5", 0)],
+)
+def test_who_leaves_goes_away_from_all_rather_than_from_some(text: str, standing: int) -> None:
+    states = random_states(np.random.default_rng(0), 12)
+    given = replace(samples(states[:3], states[:4], episodes=(states,)), afterwards=True)
+    truth = np.ones(12, dtype=np.bool_)
+    it = Judged(parse_predicate(text), (feature("b1↓p"),), truth[:4], truth, 0.2, ())
+    if "μ" in text:
+        it = replace(it, features=(feature("μ↓opening"),))
+    found = judge(it, given)
+    assert (found.standing, found.afterwards) == (standing, True)
+
+
+@pytest.mark.parametrize(
     ("text", "first", "root", "added", "comes_with_it"),
     [
         ("b1↓p", 11, False, False, True),
