@@ -10,13 +10,13 @@ import numpy as np
 from roboscribe.dsl.fields import components, same_measure
 from roboscribe.dsl.rewrite import rename, size
 from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Norm, Not, Object, Predicate, Robot, Term, Var
+from roboscribe.dsl.syntax import Const, Goal, Greater, Less, Norm, Not, Predicate, Term, Var
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.search.differences import differences
+from roboscribe.search.differences import differences, landmarks
 from roboscribe.search.loop_entities import is_lasting
 from roboscribe.subtask_tree import Node
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout, ObjectType
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT
 
 BY_ACCIDENT = 0.05
@@ -98,8 +98,8 @@ def _shorter_distance(
     tests = list(_distance_comparisons(evidence, one.entities[0], other.entities[0]))
     if len(first) < np.log2(max(1, 2 * len(tests)) / BY_ACCIDENT):
         return None
-    lengths = np.diff(np.append(evidence.starts, len(evidence.states)))
-    states = evidence.states[evidence.starts + np.minimum(chosen, lengths - 1)]
+    last = np.array([len(shown) - 1 for shown in evidence.trajectories])
+    states = evidence.states[evidence.starts + np.minimum(chosen, last)]
     return _telling_comparison(tests, states, first, evidence.layout)
 
 
@@ -109,14 +109,8 @@ def _distance_comparisons(evidence: Evidence, one: str, two: str) -> Iterator[Le
     first, second = (layout.types[evidence.types[name]] for name in (one, two))
     if max(len(layout.of_type(first.name)), len(layout.of_type(second.name))) > 1:
         return
-    marks: list[tuple[Object, ObjectType]] = [(Robot(), layout.robot)]
-    marks += [
-        (Var(name), layout.types[kind])
-        for name, kind in evidence.types.items()
-        if name not in (one, two) and len(layout.of_type(kind)) == 1
-    ]
     kinds = ((one, first), (two, second))
-    for mark, its in marks:
+    for mark, its in (m for m in landmarks(layout, evidence.types) if m[0] not in (Var(one), Var(two))):
         nearer = [list(differences(mark, its, Var(name), kind)) for name, kind in kinds]
         yield from (Less(Norm(a), Norm(b)) for a, b in product(*nearer) if a.left == b.left)
     own = [list(differences(Var(name), kind, Goal(Var(name)), kind)) for name, kind in kinds]

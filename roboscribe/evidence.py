@@ -157,7 +157,7 @@ class Evidence:
         same = tuple(range(len(self.layout.entities)))
         loop = tree.loop_around(name)
         if loop is None:
-            begins = np.maximum(self._after_loops(tree, name), self._after_branches(tree, name))
+            begins = np.maximum(self._when_all_before_is_done(tree, name), self._after_branches(tree, name))
             return tuple(
                 Passage(d, int(b), len(t), same) for d, (b, t) in enumerate(zip(begins, self.trajectories, strict=True))
             )
@@ -172,7 +172,7 @@ class Evidence:
                     begin = int(first[rank])
         return tuple(found)
 
-    def _after_loops(self, tree: Tree, name: str) -> IntArray:
+    def _when_all_before_is_done(self, tree: Tree, name: str) -> IntArray:
         """Step at which each demonstration turns to a node, (D,); to leaving when all before it is done.
 
         What is said of no entity by name may be true by chance while a loop is under way.

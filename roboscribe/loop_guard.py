@@ -19,14 +19,13 @@ from roboscribe.dsl.syntax import (
     Object,
     Predicate,
     Proj,
-    Robot,
     Term,
     Truth,
     Var,
 )
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.search.differences import differences
+from roboscribe.search.differences import differences, landmarks
 from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, strictest_literal, top_down_enum
 from roboscribe.subtask_tree import Node, Tree
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, ObjectType
@@ -308,11 +307,8 @@ def _relations(evidence: Evidence, entity: str, other: str) -> Iterator[Predicat
 
 def _distances(evidence: Evidence, entity: Var, kind: ObjectType) -> Iterator[Term]:
     """Yield how far an entity is from its goal, and how far either is from the robot and from what has no like."""
-    layout = evidence.layout
     ends: tuple[Object, ...] = (entity, Goal(entity))
     yield from map(Norm, differences(ends[0], kind, ends[1], kind))
-    landmarks: list[tuple[Object, ObjectType]] = [(Robot(), layout.robot)]
-    landmarks += [(Var(name), layout.types[of]) for name, of in evidence.types.items() if len(layout.of_type(of)) == 1]
-    for landmark, its in landmarks:
+    for landmark, its in landmarks(evidence.layout, evidence.types):
         for end in ends:
             yield from map(Norm, differences(landmark, its, end, kind))
