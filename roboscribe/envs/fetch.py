@@ -134,7 +134,8 @@ class View(NamedTuple):
 
 def view(states: FloatArray) -> View:
     """Name the parts of states (..., F)."""
-    objects = states[..., OBJECTS:].reshape(*states.shape[:-1], -1, PER_OBJECT)
+    count = (states.shape[-1] - OBJECTS) // PER_OBJECT  # spelled out: of no states NumPy cannot work it out
+    objects = states[..., OBJECTS:].reshape(*states.shape[:-1], count, PER_OBJECT)
     hand, opening, velocity = states[..., HAND], states[..., OPENING], states[..., VELOCITY]
     return View(hand, opening, velocity, objects[..., :3], objects[..., GOAL:])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from gymnasium import spaces
@@ -11,6 +13,7 @@ from roboscribe.baselines.replay import HindsightBuffer, Sampling
 from roboscribe.baselines.transitions import Batch, Relabeller, cut, later, shown_transitions
 from roboscribe.errors import DemonstrationError
 from roboscribe.world import Trajectory
+from roboscribe.world.layout import BoolArray, FloatArray
 from tests.baselines.examples import KITCHEN, TINY, states_of
 from tests.baselines.reach import Reach
 
@@ -50,6 +53,23 @@ def test_what_is_attained_already_stays_as_it_is() -> None:
     found = batch.relabelled(np.array([True, True]), batch.following[[0, 1]], TASK)
     assert found.states[:, 4].tolist() == [5.0, 0.5]
     assert found.solved.tolist() == [False, True]
+
+
+@dataclass(frozen=True)
+class Strict(Reach):
+    """A reach that cannot judge no states at all, like any task that lets NumPy work out a size."""
+
+    def solved(self, states: FloatArray) -> BoolArray:
+        return super().solved(states.reshape(len(states), -1, self.layout.size)[:, 0])
+
+
+@pytest.mark.parametrize("chosen", [[False, False], [True, True]])
+def test_no_state_is_judged_where_there_is_none(chosen: list[bool]) -> None:
+    """None is chosen, or all goals are attained before."""
+    batch = moves([0.0, 0.01, 0.02], goal=5.0)
+    rows = np.array(chosen)
+    found = batch.relabelled(rows, batch.states[rows], Strict())
+    assert (found.states == batch.states).all()
 
 
 def test_later_is_even() -> None:

@@ -16,6 +16,7 @@ from roboscribe.baselines.discriminator import Discriminator
 from roboscribe.baselines.off_policy import Learned, learn_off_policy
 from roboscribe.baselines.policy import SetPolicy, set_policy, to_parts
 from roboscribe.baselines.transitions import shown_transitions
+from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import DemonstrationError
 from tests.baselines.examples import TINY
 from tests.baselines.reach import Reach, ReachWorld
@@ -95,6 +96,16 @@ class Watched(Reach):
     def world(self, batch: int) -> ReachWorld:
         self.worlds.append(super().world(batch))
         return self.worlds[-1]
+
+
+@pytest.mark.parametrize("method", LEARNERS)
+@pytest.mark.parametrize("name", ["pick-place-1", "tower-2", "pick-place-cond", "table-top", "place-cubes-drawer-1"])
+def test_every_method_learns_in_every_family_of_tasks(name: str, method: Method) -> None:
+    """Past the random actions of the beginning, on real physics, goals replaced and discriminators taught."""
+    task = make_task(name)
+    shown = task.demonstrate(1, 0) if RECIPES[method].states else []
+    learned = learn_off_policy(task, method, shown, TINY, Course(160), judge=never)
+    assert weights(learned) != weights(learn_off_policy(task, method, shown, TINY, Course(0), judge=never))
 
 
 @pytest.mark.parametrize(("budget", "used"), [(0, 0), (7, 0), (8, 8), (250, 248), (480, 480)])

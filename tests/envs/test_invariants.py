@@ -68,6 +68,7 @@ def test_shapes(task: Task) -> None:
     assert world.step(rows(2, 0), np.zeros((2, task.action_size))).shape == (2, task.layout.size)
     assert task.solved(states).shape == (3,)
     assert task.solved(states[:, None]).shape == (3, 1)
+    assert task.solved(states[:0]).shape == (0,)
     assert world.diverged(rows(0, 1, 2)).tolist() == [False] * 3
 
 
