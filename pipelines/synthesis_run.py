@@ -16,7 +16,7 @@ from roboscribe.onnx_controllers import copy_onnx
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
 from roboscribe.pipelines.source_commit import checkout_commit
-from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, command, demonstration_file, run_pipeline
+from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, command, run_pipeline
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.programs import program_name
 from roboscribe.stages.runtime.code_version import code_version
@@ -140,7 +140,6 @@ class SynthesisRun:
         with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
-            demonstration_file(self.plan, call)  # while the server starts; the flow then finds the stage done
             return synthesize_with_prefect(
                 self._title(), self.plan, call, store.put, tell, server, lambda: run_id_of(tracker.directory)
             )

@@ -29,6 +29,8 @@ from roboscribe.stages.runtime.code_version import ROOT
 
 PATIENCE = 180.0
 """Seconds that a server may take to answer: four that start at once on a fresh database wait for each other."""
+GLANCE = 0.1
+"""Seconds that it may take where there is something else to do."""
 SECONDS_TO_END = 5.0
 LOG = "server.log"
 TEMPORARY = {"PREFECT_UI_ENABLED": "0", "PREFECT__SERVER_EPHEMERAL": "1", "PREFECT__SERVER_FINAL": "1"}
@@ -50,6 +52,11 @@ class PrefectServer:
     url: str
     process: subprocess.Popen[bytes] | None = None
     log: Path = Path()
+
+    def is_starting(self) -> bool:
+        """Tell whether our server is on its way; one that has ended is not."""
+        ours = self.process is not None and self.process.poll() is None
+        return ours and not _answers(self.url, GLANCE)
 
     def wait(self, seconds: float = PATIENCE) -> None:
         """Wait until our server answers; a server of the user's own is not checked.
@@ -122,9 +129,9 @@ def _environment(own: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in own.items() if name != "PREFECT_API_URL"} | TEMPORARY
 
 
-def _answers(url: str) -> bool:
-    """Whether a server answers; one that listens but is not ready yet delays the answer."""
-    connection = HTTPConnection(urlsplit(url).netloc, timeout=1.0)
+def _answers(url: str, seconds: float = 1.0) -> bool:
+    """Whether a server answers in time; one that listens but is not ready yet delays the answer."""
+    connection = HTTPConnection(urlsplit(url).netloc, timeout=seconds)
     try:
         connection.request("GET", f"{urlsplit(url).path}/health")
         return connection.getresponse().status == 200

@@ -16,9 +16,7 @@ from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.config import PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.learner import Learned, LearnerTask, Log
 from roboscribe.rl.pool import StartPool
-from roboscribe.rl.ppo import train_ppo
 from roboscribe.rl.program_training import SEEDS, ProgramTraining
-from roboscribe.rl.sac import train_sac
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
 from roboscribe.rl.warm_start import clone_frames, clone_states
@@ -333,8 +331,12 @@ def _reinforce(
     config, seed = training.config, training.seed_of(f"{warm.name} learner")
     match config.blind if task.subtask.opaque else config.learner:
         case PpoConfig() as settings:
+            from roboscribe.rl.ppo import train_ppo  # each learner's library takes seconds to load
+
             return train_ppo(warm, rate, task, settings, seed, log, progress), "ppo"
         case SacConfig() as settings:
+            from roboscribe.rl.sac import train_sac
+
             return train_sac(warm, task, settings, seed, log), "sac"
         case other:
             assert_never(other)
