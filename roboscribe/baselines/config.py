@@ -152,6 +152,8 @@ class OffPolicyConfig:
         learning_rate: of actor, critics and temperature.
         tau: share by which target critics follow.
         temperature: of the entropy, as Stable-Baselines3 spells it; learned, from the number given.
+        random_actions: share of the actions on the way that are drawn evenly, as in DeepSet's and goalGAIL's originals;
+            not of methods that are shown actions.
         relabelled: share of the samples whose goals are replaced, where the method does so.
         evaluate_every: control steps between evaluations, each of which is followed by a checkpoint.
         hopeless_after: control steps without a single success in an evaluation after which a task of several
@@ -167,6 +169,7 @@ class OffPolicyConfig:
     learning_rate: float = 1e-3
     tau: float = 0.05
     temperature: str = "auto_0.02"
+    random_actions: float = 0.3
     relabelled: float = 0.8
     evaluate_every: int = 50_000
     hopeless_after: int = 500_000

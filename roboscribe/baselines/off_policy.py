@@ -159,7 +159,8 @@ def _build(task: Task, method: Method, shown: Shown | None, config: BaselineConf
         task_reward if discriminator is None else discriminator.reward,
     )
     env = WorldEnv(task, settings.worlds, np.random.default_rng([seed, ENV]))
-    model = _sac(env, sampling, policy_settings(tokenizer, network), settings, seed)
+    random_actions = 0.0 if recipe.actions else settings.random_actions
+    model = _sac(env, sampling, policy_settings(tokenizer, network, random_actions), settings, seed)
     assert isinstance(model.replay_buffer, HindsightBuffer)
     return Learner(model, env, model.replay_buffer, policy, discriminator)
 

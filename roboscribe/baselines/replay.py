@@ -15,13 +15,15 @@ from stable_baselines3.common.type_aliases import ReplayBufferSamples
 from stable_baselines3.common.vec_env import VecNormalize
 
 from roboscribe.baselines.set_network import Tokenizer
-from roboscribe.baselines.transitions import Batch, Shown, later
+from roboscribe.baselines.transitions import Batch, Relabeller, Shown, judged, later
 from roboscribe.rl.checkpoint import Arrays
 from roboscribe.world import Task
-from roboscribe.world.layout import FloatArray
+from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 
 RUNNING = -1
 """Last round of an episode that is not over."""
+CANDIDATES = 8
+"""Transitions looked at for each whose goals are replaced."""
 STORED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts", "last")
 """Arrays of which the filled part is kept by a checkpoint."""
 Reward: TypeAlias = Callable[[Batch], FloatArray]
@@ -80,6 +82,7 @@ class HindsightBuffer(ReplayBuffer):
         """Round in which the episode of each transition ended."""
         self.first = np.zeros(n_envs, np.int64)
         """Round in which the present episode of each row began."""
+        self._relabel = Relabeller(sampling.task.layout)
 
     def add(
         self,
@@ -101,19 +104,46 @@ class HindsightBuffer(ReplayBuffer):
         self.sampling.tokenizer.observe(next_obs.astype(np.float64))
 
     def draw(self, count: int, relabelled: float) -> Batch:
-        """Draw own transitions, the goals of a share of them replaced in hindsight."""
-        rng = self.sampling.rng
-        rounds = rng.integers(self.rounds - self.size(), self.rounds, size=count)
-        rows = rng.integers(self.n_envs, size=count)
-        at = rounds % self.buffer_size, rows
+        """Draw own transitions, the goals of a share of them replaced in hindsight.
+
+        That share is drawn where something that has a goal is moved later: elsewhere the new goals would be attained
+        already, and there is nothing to learn from that. Where so much is not found, the goals stay.
+
+        Departs: the originals draw evenly, and most of what they draw shows objects that nobody touches. On one block
+            success is several times as high after as many control steps.
+        """
+        wanted = round(relabelled * count)
+        rounds, rows = self._anywhere(CANDIDATES * wanted)
+        last = self.last[self._slot(rounds), rows]
+        last = np.where(last == RUNNING, self.rounds - 1, last)
+        future = later(self.sampling.rng, rounds, last)
+        moving = np.flatnonzero(self._is_going(rounds, future, rows))[:wanted]
+        others, their_rows = self._anywhere(count - len(moving))
+        at = self._slot(np.concatenate([rounds[moving], others])), np.concatenate([rows[moving], their_rows])
         solved = self.rewards[at] > 0
         lost = (self.dones[at] > 0) & (self.timeouts[at] == 0) & ~solved
         states, actions, following = (each[at].astype(np.float64) for each in self._kept())
-        chosen = rng.random(count) < relabelled
-        last = np.where(self.last[at] == RUNNING, self.rounds - 1, self.last[at])
-        future = later(rng, rounds[chosen], last[chosen])
-        reached = self.next_observations[future % self.buffer_size, rows[chosen]].astype(np.float64)
-        return Batch(states, actions, following, solved, lost).relabelled(chosen, reached, self.sampling.task)
+        reached = self.next_observations[self._slot(future[moving]), rows[moving]].astype(np.float64)
+        drawn = Batch(states, actions, following, solved, lost)
+        return drawn.relabelled(np.arange(count) < len(moving), reached, self.sampling.task)
+
+    def _anywhere(self, count: int) -> tuple[IntArray, IntArray]:
+        """Draw rounds and rows, evenly."""
+        rng = self.sampling.rng
+        return rng.integers(self.rounds - self.size(), self.rounds, size=count), rng.integers(self.n_envs, size=count)
+
+    def _slot(self, rounds: IntArray) -> IntArray:
+        """Return where the transitions of rounds are stored."""
+        return rounds % self.buffer_size
+
+    def _is_going(self, rounds: IntArray, future: IntArray, rows: IntArray) -> BoolArray:
+        """Tell in which transitions (M,) the goals that a later one shows are not attained yet."""
+        states, reached = self.observations[self._slot(rounds), rows], self.next_observations[self._slot(future), rows]
+        own = self._relabel.columns[1]
+        going: BoolArray = (states[:, own] != reached[:, own]).any(axis=1)
+        relabelled = self._relabel(states[going].astype(np.float64), reached[going].astype(np.float64))
+        going[going] = ~judged(self.sampling.task, relabelled)
+        return going
 
     def _kept(self) -> tuple[NDArray[np.float32], ...]:
         return self.observations, self.actions, self.next_observations

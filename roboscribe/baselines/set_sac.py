@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.type_aliases import PyTorchObs
 from stable_baselines3.sac.policies import SACPolicy
 from torch import nn
 
@@ -56,14 +59,28 @@ class SetCritic(nn.Module):
 class SetSacPolicy(SACPolicy):
     """Actor and critics of the set policy. The library is told the tokenizer and the sizes for its extractor."""
 
+    def __init__(self, *arguments: Any, random_actions: float = 0.0, **options: Any) -> None:  # noqa: ANN401 - the library's
+        """Build it; `random_actions` is the share of actions that are drawn evenly, unless they are deterministic."""
+        self.random_actions = random_actions
+        super().__init__(*arguments, **options)
+
+    def _predict(self, observation: PyTorchObs, deterministic: bool = False) -> torch.Tensor:
+        """Return actions (B, A) for observations (B, F)."""
+        actions = super()._predict(observation, deterministic)
+        if deterministic or not self.random_actions:
+            return actions
+        anywhere = 2 * torch.rand_like(actions) - 1
+        return torch.where(torch.rand(len(actions), 1) < self.random_actions, anywhere, actions)
+
     def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> SetCritic:  # type: ignore[override]  # all that SAC asks of one
         """Build the critics."""
         return SetCritic(self.action_space.shape[0], **self.features_extractor_kwargs)  # type: ignore[index]  # a box
 
 
-def policy_settings(tokenizer: Tokenizer, config: SetConfig) -> dict[str, object]:
+def policy_settings(tokenizer: Tokenizer, config: SetConfig, random_actions: float) -> dict[str, object]:
     """Return what the library is told to build the policy."""
     return {
+        "random_actions": random_actions,
         "net_arch": {"pi": [], "qf": []},
         "features_extractor_class": SetExtractor,
         "features_extractor_kwargs": {"tokenizer": tokenizer, "config": config},

@@ -72,16 +72,16 @@ class Batch(Rows):
         """
         relabel = Relabeller(task.layout)
         states = relabel(self.states[rows], reached)
-        going = ~_solved(task, states)
+        going = ~judged(task, states)
         where = np.flatnonzero(rows)[going]
         following = relabel(self.following[where], reached[going])
         found = self.take(np.arange(len(self)))
         found.states[where], found.following[where] = states[going], following
-        found.solved[where] = _solved(task, following)
+        found.solved[where] = judged(task, following)
         return found
 
 
-def _solved(task: Task, states: FloatArray) -> BoolArray:
+def judged(task: Task, states: FloatArray) -> BoolArray:
     """Judge states (R, F), of which there may be none: tasks need not expect that."""
     return task.solved(states) if len(states) else np.zeros(0, np.bool_)
 

@@ -141,6 +141,19 @@ def test_goals_come_from_the_same_episode(rounds: int) -> None:
     assert {round(x, 1) for x in drawn.states[:, 2].tolist()} == {round(x, 1) for x in stored}
 
 
+def test_goals_are_replaced_where_something_moves() -> None:
+    """One row of ten moves: what is drawn with its goals is mostly that all the same, and attained before nowhere."""
+    kept = buffer(20, 10, 0.5)
+    fill(kept, 20, length=9)
+    kept.observations[:, 1:, [0, 2]] = kept.next_observations[:, 1:, [0, 2]] = 5.0
+    drawn = kept.draw(400, 0.5)
+    replaced = drawn.states[:, 4] != -7
+    assert 100 < replaced.sum() <= 200
+    assert (drawn.states[replaced, 2] < 5.0).all()
+    assert not TASK.solved(drawn.states[replaced]).any()
+    assert (drawn.states[~replaced, 2] == 5.0).mean() > 0.8
+
+
 @pytest.mark.parametrize(("late", "ended"), [(True, False), (False, True)])
 def test_time_that_is_up_does_not_cut_bootstrapping(late: bool, ended: bool) -> None:
     kept = buffer(20, 2, 0.0)

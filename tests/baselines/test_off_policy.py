@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
+from gymnasium import spaces
 
 from roboscribe.baselines.config import RECIPES, BaselineConfig, Method, OffPolicyConfig
 from roboscribe.baselines.course import Course
 from roboscribe.baselines.discriminator import Discriminator
 from roboscribe.baselines.off_policy import Learned, learn_off_policy
 from roboscribe.baselines.policy import SetPolicy, set_policy, to_parts
+from roboscribe.baselines.set_sac import SetSacPolicy, policy_settings
 from roboscribe.baselines.transitions import shown_transitions
 from roboscribe.envs.catalogue import make_task
 from roboscribe.errors import DemonstrationError
@@ -147,3 +150,21 @@ def test_a_discriminator_learns_to_tell() -> None:
     true, false = judge.reward(shown.batch), judge.reward(jumping)
     assert true.max() <= 0
     assert true.mean() > false.mean() + 0.02
+
+
+@pytest.mark.parametrize(("share", "least", "most"), [(0.0, 0, 0), (0.3, 240, 360), (1.0, 1000, 1000)])
+def test_a_share_of_exploring_actions_is_drawn_evenly(share: float, least: int, most: int) -> None:
+    """Of a policy that would always do the same."""
+    tokenizer = set_policy("deepset", REACH.layout, 2, TINY.network).network.tokenizer
+    box, actions = spaces.Box(-np.inf, np.inf, (6,)), spaces.Box(-1.0, 1.0, (2,))
+    settings: dict[str, Any] = policy_settings(tokenizer, TINY.network, share)
+    policy = SetSacPolicy(box, actions, lambda _: 1e-3, **settings)
+    assert isinstance(policy.actor.log_std, torch.nn.Linear)
+    torch.nn.init.constant_(policy.actor.log_std.bias, -20.0)
+    torch.nn.init.zeros_(policy.actor.log_std.weight)
+    states = torch.ones(1000, 6)
+    usual = policy._predict(states, deterministic=True)
+    found = policy._predict(states)
+    others = int(((found - usual).abs().max(dim=1).values > 1e-3).sum())
+    assert least <= others <= most
+    assert (usual == policy._predict(states, deterministic=True)).all()
