@@ -149,7 +149,7 @@ def test_goals_are_replaced_where_something_moves() -> None:
     drawn = kept.draw(400, 0.5)
     replaced = drawn.states[:, 4] != -7
     assert 100 < replaced.sum() <= 200
-    assert (drawn.states[replaced, 2] < 5.0).all()
+    assert (drawn.states[replaced, 2] != 5.0).all()
     assert not TASK.solved(drawn.states[replaced]).any()
     assert (drawn.states[~replaced, 2] == 5.0).mean() > 0.8
 
