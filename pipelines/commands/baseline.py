@@ -13,6 +13,8 @@ from roboscribe.pipelines.commands.output import FAIL, announce, console, make_r
 
 if TYPE_CHECKING:
     from roboscribe.io.atomic import Json
+    from roboscribe.pipelines.progress_bar import ProgressBar
+    from roboscribe.stages.runtime.progress import Progress, ProgressCallback
 
 METHOD_HELP = "bc, chunked-bc, deepset, gail, goalgail or rlpd"
 STEPS_HELP = "gradient steps of bc and chunked-bc, control steps of the others; left out: what is usual"
@@ -51,12 +53,23 @@ def baseline(
     make_room(out, json)
     with ProgressBar(console) as bar:
         run = BaselineRun(plan, Workspace(home), engine_named(engine), out)
-        result = run.run(Callbacks(bar.on_stage, lambda event: None, bar.on_progress))
+        result = run.run(Callbacks(bar.on_stage, lambda event: None, _follow(bar)))
     if isinstance(result, Fail):
         say(f"FAIL: {result.reason}")
         raise typer.Exit(FAIL)
     _tell(result)
     write_result(json, result)
+
+
+def _follow(bar: ProgressBar) -> ProgressCallback:
+    """Move the bar, and say how each evaluation on the way went: learners with rollouts take hours."""
+
+    def on_progress(progress: Progress) -> None:
+        bar.on_progress(progress)
+        if progress.unit == "steps" and "success" in progress.metrics:
+            bar.say(f"{progress.done} of {progress.total} control steps: success {progress.metrics['success']:.0%}")
+
+    return on_progress
 
 
 def _tell(result: dict[str, Json]) -> None:

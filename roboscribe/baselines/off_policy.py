@@ -134,7 +134,7 @@ def learn_off_policy(
             _advance(learner, teaching, budget, learner_config)
             rate = judge(learner.policy)
             learner.best = max(learner.best, rate)
-            course.log({**_metrics(learner), "success": rate}, learner.model.num_timesteps)
+            course.log({"success": rate, **_metrics(learner)}, learner.model.num_timesteps)
             _keep(learner, course)
         copy_actor(learner.model.policy, learner.policy.network)
         return Learned(learner.policy, learner.model.num_timesteps, _hopeless(learner, task, learner_config))

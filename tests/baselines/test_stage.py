@@ -123,6 +123,14 @@ def test_the_command(command: Command, demonstrations: Path, tmp_path: Path) -> 
     assert (tmp_path / "film.gif").read_bytes().startswith(b"GIF89a")
 
 
+def test_how_a_learner_does_is_said_on_the_way(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
+    """After every evaluation, and nothing else, where nobody watches a bar."""
+    assert command("baseline", "deepset", TASK.name, "--steps", 128, "--engine", "local", "--episodes", 2) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("128 of 128 control steps: success ")
+    assert lines[1].startswith("success ")
+
+
 def test_bad_input_is_one_line(command: Command, capsys: pytest.CaptureFixture[str]) -> None:
     assert command("baseline", "telepathy", TASK.name) == 2
     assert "unknown baseline 'telepathy': expected one of bc, chunked-bc" in capsys.readouterr().err
