@@ -106,7 +106,10 @@ class _Writer:
         return seq(*parts)
 
     def group(self, nodes: Sequence[Node], order: Order) -> Statement | Fail:
-        """Write branches whose order varies together: one alone, two as if / else, more as guarded branches."""
+        """Write branches whose order varies together: one alone, two as if / else, more as guarded branches.
+
+        All of them are written where the goal is one of them, for any may come before it.
+        """
         branches: list[Statement] = []
         for node in nodes:
             reached, self.done = self.done, False
@@ -115,14 +118,12 @@ class _Writer:
                 return branch
             branches.append(branch)
             self.done = self.done or reached
-            if self.done and len(nodes) != 2:
-                break
         if len(nodes) == 1:
             return branches[0]
         if len(nodes) == 2:
             test = order.conditions[nodes[0].name, nodes[1].name]
             return If(self.about(test), seq(*branches), seq(*reversed(branches)))
-        return seq(*branches) if self.done else self.guarded(nodes, branches, order)
+        return self.guarded(nodes, branches, order)
 
     def guarded(self, nodes: Sequence[Node], branches: Sequence[Statement], order: Order) -> Statement:
         """`while (some branch is left) {if (P1) S1 else if (P2) S2 ... else Sn}`, the first that none must precede.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import permutations, product
 
 import numpy as np
+import pytest
 
 from roboscribe.dsl.machine import Machine
 from roboscribe.dsl.parser import parse_program
@@ -115,6 +116,13 @@ def test_three_branches_whose_order_has_a_reason_become_guarded_branches() -> No
             lowest = min(left, key=lambda kind: levels[kind], default=None)
             wanted = None if lowest is None else acts[lowest]
             assert acting(answer, state(TRIO.layout, np.zeros(2), places, goals)) == wanted
+
+
+@pytest.mark.parametrize("goal", ["at", "at2", "at3"])
+def test_a_goal_among_three_branches_is_reached_in_any_order(goal: str) -> None:
+    """Whatever may come before it is part of its program."""
+    shown = evidence(TRIO, bottom_up, episodes=40)
+    assert gen_program(goal, shown, THREE_PATHS) == gen_program(ROOT, shown, THREE_PATHS)
 
 
 def test_branches_that_some_reason_orders_and_others_not_go_by_what_is_known() -> None:
