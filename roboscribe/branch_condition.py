@@ -32,8 +32,7 @@ def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray
         evidence: demonstrations.
         one: a branch's node.
         other: the branch that comes first where the predicate is false.
-        chosen: (D,) step of each demonstration at which the first of the two is chosen; None where more than the two
-            wait then, so that nothing that moves may decide.
+        chosen: (D,) step of each demonstration at which the first of the two is chosen; None where that is at once.
 
     Returns:
         The smallest comparison of attributes of the two nodes' entities and goals, or its negation; where there is
@@ -93,13 +92,13 @@ def _shorter_distance(
     evidence: Evidence, one: Node, other: Node, first: BoolArray, chosen: IntArray | None
 ) -> Predicate | None:
     """Find which distance is shorter where `first` (D,), when a branch is chosen; None where none tells."""
-    if chosen is None or len(one.entities) != 1 or len(other.entities) != 1:
+    if len(one.entities) != 1 or len(other.entities) != 1:
         return None
     tests = list(_distance_comparisons(evidence, one.entities[0], other.entities[0]))
     if len(first) < np.log2(max(1, 2 * len(tests)) / BY_ACCIDENT):
         return None
     last = np.array([len(shown) - 1 for shown in evidence.trajectories])
-    states = evidence.states[evidence.starts + np.minimum(chosen, last)]
+    states = evidence.states[evidence.starts + (0 if chosen is None else np.minimum(chosen, last))]
     return _telling_comparison(tests, states, first, evidence.layout)
 
 

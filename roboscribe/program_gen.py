@@ -31,6 +31,7 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, predicate_synthesis
 from roboscribe.subtask_tree import ROOT, Node, Tree
+from roboscribe.world.layout import IntArray
 from roboscribe.world.trajectory import AGREEMENT
 
 OPAQUE = "R"
@@ -108,7 +109,9 @@ class _Writer:
     def group(self, nodes: Sequence[Node], order: Order) -> Statement | Fail:
         """Write branches whose order varies together: one alone, two as if / else, more as guarded branches.
 
-        All of them are written where the goal is one of them, for any may come before it.
+        Of two branches both are written where the goal is in one of them, for either may come before it; of more, where
+        it is what one of them ends with, for a guard asks whether a branch is done. Else they are written up to it, in
+        the order that is seen most.
         """
         branches: list[Statement] = []
         for node in nodes:
@@ -117,6 +120,8 @@ class _Writer:
             if isinstance(branch, Fail):
                 return branch
             branches.append(branch)
+            if len(nodes) > 2 and self.done and node.name != self.goal:
+                return seq(*branches)
             self.done = self.done or reached
         if len(nodes) == 1:
             return branches[0]
@@ -219,8 +224,7 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
     ]
     conditions: dict[tuple[str, str], Predicate] = {}
     for one, other in varied:
-        earlier = [first[node.name] for node in ranked[: ranked.index(one)]]
-        chosen = np.max([np.zeros_like(first[one.name]), *earlier], axis=0) if len(varied) == 1 else None
+        chosen = _chosen(first, one.name, other.name)
         there, back = (order_condition(evidence, *pair, chosen) for pair in ((one, other), (other, one)))
         if not isinstance(there, Fail) and not isinstance(back, Fail):
             conditions[one.name, other.name], conditions[other.name, one.name] = there, back
@@ -230,6 +234,21 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
         joined = tuple(n for g in groups[tied[0] :] for n in g) if tied else ()
         groups = [*(groups[: tied[0]] if tied else groups), (*joined, node)]
     return Order(tuple(groups), conditions)
+
+
+def _chosen(first: Mapping[str, IntArray], one: str, other: str) -> IntArray:
+    """Return the step of each demonstration (D,) at which the first of two branches is chosen.
+
+    That is when the last of all others that are finished before it is.
+
+    Args:
+        first: by branch, the step at which each demonstration finishes it.
+        one: a branch.
+        other: another one.
+    """
+    end = np.minimum(first[one], first[other])
+    chosen: IntArray = np.max([np.where(steps < end, steps, 0) for steps in first.values()], axis=0)
+    return chosen
 
 
 def _waits_for(order: Order, node: Node, other: Node, done: Mapping[str, Predicate]) -> Predicate:

@@ -13,10 +13,12 @@ from roboscribe.dsl.rewrite import controllers, walk
 from roboscribe.dsl.syntax import Get, If, Program, Run, Seq, While
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
+from roboscribe.evidence import Evidence
 from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.world.layout import FloatArray
-from tests.handmade import AT, HOLD, bottom_up, chain, evidence, node, state
+from roboscribe.world.trajectory import Trajectory
+from tests.handmade import AT, HOLD, bottom_up, chain, evidence, legs, node, state
 
 ONE = PointTask("toy", ("block",))
 THREE = PointTask("toy", ("block",) * 3)
@@ -118,11 +120,51 @@ def test_three_branches_whose_order_has_a_reason_become_guarded_branches() -> No
             assert acting(answer, state(TRIO.layout, np.zeros(2), places, goals)) == wanted
 
 
+def nearest_first(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
+    return min(left, key=lambda i: float(np.linalg.norm(places[i] - hand)))
+
+
+def test_of_three_kinds_the_nearest_may_come_next() -> None:
+    """What is nearest to the hand when it has brought something to its goal, not at the start."""
+    rng = np.random.default_rng(0)
+
+    def drawn() -> Trajectory:
+        goals = np.column_stack([np.full(3, 1.5), rng.permutation([0.0, 0.3, 0.6])])
+        states = legs(TRIO.layout, rng.uniform(0, 1, 2), rng.uniform(0, 1, (3, 2)), goals, nearest_first)
+        return Trajectory(TRIO.layout, states)
+
+    answer = gen_program(ROOT, Evidence.of([drawn() for _ in range(60)], TRIO.solved), THREE_PATHS)
+    assert not isinstance(answer, Fail)
+    acts = dict(enumerate(("at", "at2", "at3")))
+    for _ in range(50):
+        goals, places, hand = (
+            np.array([[1.5, 0.0], [1.5, 0.3], [1.5, 0.6]]),
+            rng.uniform(0, 1, (3, 2)),
+            rng.uniform(0, 1, 2),
+        )
+        placed = rng.random(3) < 0.4
+        places[placed] = goals[placed]
+        left = [kind for kind in range(3) if not placed[kind]]
+        wanted = acts[nearest_first(hand, places, goals, left)] if left else None
+        assert acting(answer, state(TRIO.layout, hand, places, goals)) == wanted
+
+
 @pytest.mark.parametrize("goal", ["at", "at2", "at3"])
 def test_a_goal_among_three_branches_is_reached_in_any_order(goal: str) -> None:
     """Whatever may come before it is part of its program."""
     shown = evidence(TRIO, bottom_up, episodes=40)
     assert gen_program(goal, shown, THREE_PATHS) == gen_program(ROOT, shown, THREE_PATHS)
+
+
+def test_a_goal_within_one_of_three_branches_is_reached_in_the_usual_order() -> None:
+    """A guard that asks whether the branch is done would never let it end."""
+    hold = node("hold", HOLD, "d1")
+    others = (edge for edge in THREE_PATHS.edges if edge != (TRUE, "at3"))
+    within = Tree((*THREE_PATHS.nodes, hold), (*others, (TRUE, "hold"), ("hold", "at3")))
+    answer = gen_program("hold", evidence(TRIO, bottom_up, episodes=40), within)
+    assert not isinstance(answer, Fail)
+    assert not [part for part in walk(answer) if isinstance(part, While)]
+    assert controllers(answer)[-1].controller == "hold"
 
 
 def test_branches_that_some_reason_orders_and_others_not_go_by_what_is_known() -> None:
