@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from roboscribe.baselines.config import METHODS
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.printer import pretty, text
 from roboscribe.dsl.rewrite import controllers
@@ -144,6 +145,8 @@ def training_line(report: Mapping[str, Any]) -> str:
     name, learner, steps = report["controller"], report["learner"], report["control_steps"]
     if learner == "scripted":
         return f"π_{name}: scripted"
+    if learner in METHODS:
+        return f"π_{name}: trained, {steps} control steps"
     if not report["starts"] and learner == "kept":
         why = f"the program reaches its goal in {report['success']:.0%} of the episodes tried"
         missing = ": a subgoal is missing" if report["success"] < TrainConfig.worth_improving else ""

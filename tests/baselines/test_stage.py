@@ -16,10 +16,12 @@ from roboscribe.io.demonstrations import write_demonstrations
 from roboscribe.io.saved_program import load_program, save_program
 from roboscribe.pipelines.baseline_run import BaselinePlan, BaselineRun
 from roboscribe.pipelines.callbacks import Callbacks
+from roboscribe.pipelines.console import training_line
 from roboscribe.pipelines.programs import load_with_task
 from roboscribe.pipelines.workspace import Workspace
 from roboscribe.stages import baseline
 from roboscribe.stages.package import DIRECTORY
+from roboscribe.stages.runtime.events import Event, Trained
 from roboscribe.stages.runtime.files import OUTCOME, read_json
 from roboscribe.stages.runtime.journal import read_records
 from roboscribe.stages.runtime.progress import Progress
@@ -157,3 +159,17 @@ def test_what_is_tracked(tmp_path: Path, demonstrations: Path) -> None:
 def test_unknown_methods_are_refused() -> None:
     with pytest.raises(TaskError, match="unknown baseline"):
         method_named("dagger")
+
+
+def test_how_a_baseline_was_trained_is_said_in_its_own_words(demonstrations: Path, tmp_path: Path) -> None:
+    """Nothing of start states, which it has none of."""
+    said: list[str] = []
+
+    def listen(event: Event) -> None:
+        if isinstance(event, Trained):
+            said.extend(training_line(report) for report in event.reports)
+
+    plan = BaselinePlan("deepset", TASK, steps=320, evaluation_episodes=3, settings=TINY)
+    run = BaselineRun(plan, Workspace(tmp_path), "local", tmp_path / "out", track=False)
+    run.run(Callbacks(lambda label: None, listen, lambda progress: None))
+    assert said == ["π_deepset: trained, 320 control steps"]
