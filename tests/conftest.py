@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 
 import pytest
@@ -12,13 +13,23 @@ settings.register_profile("any machine", deadline=None)  # a deadline would meas
 settings.load_profile("any machine")
 TORTURE = "ROBOSCRIBE_TORTURE"
 """Environment variable under which tests of reliability try many cases instead of a few."""
+ROW = re.compile(r"row_(\d+)_")
 Figure = Callable[[str, int, int], None]
 """Told what was tried, how often it went well, and how often it was tried."""
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave out what takes minutes, unless it is asked for."""
+    """Mark the tests of the reliability table, which have the row in their name or as a mark, and tell its number.
+
+    Leave out what takes minutes, unless it is asked for. This is done here and not by whoever counts, because with
+    several processes tests are collected in others.
+    """
     for item in items:
+        named = ROW.search(item.name)
+        if named is not None:
+            item.add_marker(pytest.mark.row(int(named[1])))
+        item.user_properties += [("row", marker.args[0]) for marker in item.iter_markers("row")]
         if item.get_closest_marker("torture") and TORTURE not in os.environ:
             item.add_marker(pytest.mark.skip(reason="run by `make torture`"))
 

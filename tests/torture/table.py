@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import cast
@@ -38,7 +37,6 @@ HEAD = """Tried for {minutes:.0f} minutes of wall time.
 | # | fault or input | what must happen | tests that passed | cases |
 |---|---|---|---|---|
 """
-_ROW = re.compile(r"row_(\d+)_")
 
 
 @dataclass
@@ -56,16 +54,6 @@ class Table:
     def __init__(self) -> None:
         """Begin with nothing."""
         self._rows: dict[int, _Found] = defaultdict(_Found)
-
-    @pytest.hookimpl(tryfirst=True)
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Mark the tests that have the row in their name."""
-        for item in items:
-            named = _ROW.search(item.name)
-            if named is not None:
-                item.add_marker(pytest.mark.row(int(named[1])))
-            for marker in item.iter_markers("row"):
-                item.user_properties.append(("row", marker.args[0]))
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Count a test that ended."""
