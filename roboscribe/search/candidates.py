@@ -186,9 +186,13 @@ class Candidate:
 
     @property
     def cost(self) -> float:
-        """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says."""
+        """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says.
+
+        What is lost again is as late as it is long: both are the share of the way on which φ does not hold.
+        """
         complete_with_task = self.each and not self.with_others  # as what a loop repeats is
-        lateness = 0.0 if complete_with_task else self.first
+        missing = self.first + (1.0 - self.first) * (1.0 - self.kept)
+        lateness = 0.0 if complete_with_task else missing
         price = lateness + ACCEPTED_COST * self.accepted + NODE_COST * self.size
         price += ENTITY_COST * max(0, self.entities - 1)
         return round(price - BIT_GAIN * self.bits, 3)

@@ -29,6 +29,7 @@ BASE = candidate(Node("", Truth()))
         {"relevant": False},
         {"comes_with_it": True},
         {"kept": 0.3},
+        {"kept": 0.9},
         {"entities": 0},
         {"entities": 2},
         {"standing": 1},
@@ -56,6 +57,13 @@ def test_what_tells_failures_clearly_comes_before_what_is_about_the_goals_entiti
     elsewhere = replace(BASE, relevant=False)
     assert elsewhere.rank < replace(BASE, accepted=0.13).rank
     assert replace(BASE, accepted=0.04).rank < elsewhere.rank
+
+
+def test_what_is_lost_again_is_as_late_as_it_is_long() -> None:
+    """A hand is far enough at once, and away for a while later; that it has brought something there lasts."""
+    passing, lasting = replace(BASE, first=0.07, kept=0.82), replace(BASE, first=0.2, kept=1.0)
+    assert lasting.rank < passing.rank
+    assert replace(passing, kept=0.95).rank < lasting.rank
 
 
 def test_what_recurs_comes_before_what_is_done_once_however_late_it_is_complete() -> None:
