@@ -15,6 +15,7 @@ from roboscribe.io.saved_program import CONTROLLERS, PROGRAM, TREE, load_program
 from roboscribe.onnx_controllers import copy_onnx
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.flows.prefect_server import prefect_server
+from roboscribe.pipelines.flows.run_ahead import run_ahead
 from roboscribe.pipelines.source_commit import checkout_commit
 from roboscribe.pipelines.synthesis_pipeline import SynthesisResult, command, run_pipeline
 from roboscribe.pipelines.workspace import Workspace
@@ -140,8 +141,9 @@ class SynthesisRun:
         with prefect_server(self.workspace.data / "prefect") as server:
             from roboscribe.pipelines.flows.synthesis import synthesize_with_prefect
 
+            rest = run_ahead(self.plan, call, store.put, tell, server)
             return synthesize_with_prefect(
-                self._title(), self.plan, call, store.put, tell, server, lambda: run_id_of(tracker.directory)
+                self._title(), self.plan, call, store.put, rest, server, lambda: run_id_of(tracker.directory)
             )
 
     def _result(self, found: SynthesisResult, env_steps: int, commit: str) -> dict[str, Json]:
