@@ -45,6 +45,11 @@ Choice = Callable[[FloatArray, FloatArray, FloatArray, list[int]], int]
 """From hand (2,), places (N, 2), goals (N, 2) and the entities that are left to the one to take next."""
 
 
+def nearest_first(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
+    """Choose what is nearest to the hand, for `legs`."""
+    return min(left, key=lambda i: float(np.linalg.norm(places[i] - hand)))
+
+
 def legs(
     layout: Layout, hand: FloatArray, places: FloatArray, goals: FloatArray, choose: Choice, steps: int = 12
 ) -> FloatArray:

@@ -15,7 +15,7 @@ from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.world.layout import BoolArray, FloatArray
 from roboscribe.world.trajectory import Trajectory
-from tests.handmade import AT, bottom_up, carry, evidence, legs, node
+from tests.handmade import AT, bottom_up, carry, evidence, legs, nearest_first, node
 
 PEG, CUBE = node("at", AT, "p1"), node("at2", AT, "c1")
 BELL = PointTask("toy", ("peg", "cube", "bell"))
@@ -81,10 +81,6 @@ def test_what_a_demonstration_changes_is_no_condition() -> None:
     assert answer == Fail("no comparison of attributes explains why at sometimes comes before at2")
 
 
-def nearer_first(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
-    return min(left, key=lambda i: float(np.linalg.norm(places[i] - hand)))
-
-
 def test_the_kind_nearer_to_the_hand_may_come_first() -> None:
     rng = np.random.default_rng(0)
     task = PointTask("toy", ("peg", "cube"))
@@ -92,7 +88,7 @@ def test_the_kind_nearer_to_the_hand_may_come_first() -> None:
     def shown(episodes: int) -> Evidence:
         goals = np.array([[1.5, 0.0], [1.5, 0.4]])
         drawn = [
-            legs(task.layout, rng.uniform(0, 1, 2), rng.uniform(0, 1, (2, 2)), goals, nearer_first)
+            legs(task.layout, rng.uniform(0, 1, 2), rng.uniform(0, 1, (2, 2)), goals, nearest_first)
             for _ in range(episodes)
         ]
         return Evidence.of([Trajectory(task.layout, states) for states in drawn], task.solved)

@@ -18,7 +18,7 @@ from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import Trajectory
-from tests.handmade import AT, HOLD, bottom_up, chain, evidence, legs, node, state
+from tests.handmade import AT, HOLD, bottom_up, chain, evidence, legs, nearest_first, node, state
 
 ONE = PointTask("toy", ("block",))
 THREE = PointTask("toy", ("block",) * 3)
@@ -118,10 +118,6 @@ def test_three_branches_whose_order_has_a_reason_become_guarded_branches() -> No
             lowest = min(left, key=lambda kind: levels[kind], default=None)
             wanted = None if lowest is None else acts[lowest]
             assert acting(answer, state(TRIO.layout, np.zeros(2), places, goals)) == wanted
-
-
-def nearest_first(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
-    return min(left, key=lambda i: float(np.linalg.norm(places[i] - hand)))
 
 
 def test_of_three_kinds_the_nearest_may_come_next() -> None:
