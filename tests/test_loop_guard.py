@@ -19,7 +19,7 @@ from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, loop_examples, predicate_synthesis
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, Layout, ObjectType
 from roboscribe.world.trajectory import Trajectory
-from tests.handmade import AT, HOLD, Choice, bottom_up, chain, evidence, legs, node, state, top_down
+from tests.handmade import AT, HOLD, Choice, bottom_up, chain, evidence, legs, nearest_first, node, state, top_down
 
 TASK = PointTask("toy", ("block",) * 3)
 AT_NODE = node("at", AT, "b1", circular=True)
@@ -147,7 +147,7 @@ def leftmost(masses: FloatArray) -> Choice:
 
 def nearest(masses: FloatArray) -> Choice:
     """Take the block nearest to the hand."""
-    return lambda hand, places, goals, left: min(left, key=lambda i: float(np.linalg.norm(places[i] - hand)))
+    return nearest_first
 
 
 def by_lot(masses: FloatArray) -> Choice:
