@@ -10,8 +10,8 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 
 from roboscribe.classifier import Refinement, alternative, learn_classifier
-from roboscribe.dsl.interpreter import explains
 from roboscribe.dsl.rollouts import Rollouts
+from roboscribe.dsl.segmentation import explains
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail, expected
 from roboscribe.evidence import Evidence

@@ -10,8 +10,8 @@ from zlib import crc32
 import numpy as np
 
 from roboscribe.defaults import CONFIRM
-from roboscribe.dsl.interpreter import Segment, segment
 from roboscribe.dsl.rewrite import controllers, free_vars, run_variables, walk
+from roboscribe.dsl.segmentation import Segment, segment
 from roboscribe.dsl.semantics import evaluate, holds
 from roboscribe.dsl.syntax import Exists, Get, Predicate, Program, Run, Solved, Truth, While
 from roboscribe.reward import atom_term, atoms
@@ -123,17 +123,8 @@ class ProgramTraining:
 
         What a demonstration does in a segment first for entities that the program does not deal with is left out.
         """
-        return tuple(self._segments(shown) for shown in self.demonstrations)
-
-    def _segments(self, shown: Trajectory) -> tuple[Segment, ...]:
-        """Cut one demonstration."""
-        found: list[Segment] = []
-        known: set[int] = set()
-        for part in segment(self.program, shown, solved=self.task.solved, after_end=self.solve):
-            known |= set(part.entities)
-            begin = attended_from(shown, part.start, part.stop, part.entities, known) if part.entities else part.start
-            found.append(replace(part, start=begin))
-        return tuple(found)
+        cut = segment(self.program, self.demonstrations, solved=self.task.solved, after_end=self.solve)
+        return tuple(_attended(parts, shown) for parts, shown in zip(cut, self.demonstrations, strict=True))
 
     @cached_property
     def usual_steps(self) -> dict[str, int]:
@@ -277,6 +268,17 @@ class ProgramTraining:
         held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
         affordable = max(1, int(most / 4 / self.subtask(run).limit))
         return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps
+
+
+def _attended(parts: Sequence[Segment], shown: Trajectory) -> tuple[Segment, ...]:
+    """Leave out of each segment what a demonstration does in it first for entities that were not dealt with yet."""
+    found: list[Segment] = []
+    known: set[int] = set()
+    for part in parts:
+        known |= set(part.entities)
+        begin = attended_from(shown, part.start, part.stop, part.entities, known) if part.entities else part.start
+        found.append(replace(part, start=begin))
+    return tuple(found)
 
 
 def step_limits(

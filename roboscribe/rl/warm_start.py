@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from roboscribe.dsl.interpreter import Segment
+from roboscribe.dsl.segmentation import Segment
 from roboscribe.rl.clone import CloningSamples, clone
 from roboscribe.rl.config import TrainConfig
 from roboscribe.rl.inverse_dynamics import Transitions, explore, fit_inverse, probe, random_actions

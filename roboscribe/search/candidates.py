@@ -12,9 +12,10 @@ from math import factorial
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, size, uses_robot
+from roboscribe.dsl.rewrite import free_vars, uses_robot
 from roboscribe.dsl.syntax import Exists, Predicate, Truth
 from roboscribe.search.features import Feature
+from roboscribe.search.length import length
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT, first_true, restored
 
@@ -131,7 +132,7 @@ class Candidate:
         scales: spread of each term over positives and negatives.
         entities: how many named entities φ mentions.
         bits: how much φ says: the binary logarithm of how many times more is possible without it.
-        size: nodes of φ.
+        size: how long φ is, see `length`.
         family: objects and attributes that φ compares.
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot; 2 for what is said of entities with all of which a loop has dealt, and for leaving
@@ -334,7 +335,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         informative=informative(
             it.bits, it.on_negatives, len(samples.starts), samples.choices, len(it.features), leaving=leaving
         ),
-        size=size(it.predicate),
+        size=length(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
         comes_with_it=not samples.root and way > LATE and not (of_robot and it.anchor is None),
         standing=_standing(it.predicate, samples, of_robot=of_robot),

@@ -11,10 +11,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, size, uses_robot
+from roboscribe.dsl.rewrite import free_vars, uses_robot
 from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
+from roboscribe.search.length import length
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
 from roboscribe.search.thresholds import ball, bits, bound, too_fine, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
@@ -101,7 +102,7 @@ def _candidate(
         scales=((str(feature.term), float(f"{spread:.4g}")),),
         entities=len(free_vars(feature.term)),
         bits=said,
-        size=size(predicate) + size(only) - size(Truth()),
+        size=length(predicate) + length(only) - length(Truth()),
         family=feature.family if only == Truth() else f"{feature.family} where {only}",
         each=True,
         informative=informative(said, worst < threshold, int(late.sum()), len(features)),

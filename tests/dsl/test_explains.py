@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from roboscribe.dsl.interpreter import explains
 from roboscribe.dsl.parser import parse_program
+from roboscribe.dsl.segmentation import explains
 from roboscribe.dsl.syntax import Program
 from roboscribe.world import Trajectory
 from roboscribe.world.layout import BoolArray, FloatArray

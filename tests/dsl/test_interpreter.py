@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from roboscribe.dsl.interpreter import Rollouts, Segment, execute, segment
+from roboscribe.dsl.interpreter import Rollouts, execute
 from roboscribe.dsl.parser import parse_program
 from roboscribe.dsl.syntax import Get, Program, Seq, Truth
 from roboscribe.errors import ProgramError
-from roboscribe.world import Trajectory
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from tests.dsl.kinematic import CONTROLLERS, PICK, PLACE, TOWER, B, Stacking, blocks
+from tests.dsl.kinematic import CONTROLLERS, PICK, PLACE, TOWER, B, Stacking
 
 PICK_AND_PLACE = Program("PickAndPlace", Seq((Get(B, "block", Truth()), PICK, PLACE)))
 SEEDS = np.arange(7)
@@ -127,52 +126,3 @@ def test_controllers_see_their_rows_and_entities_only() -> None:
 def test_a_missing_controller_is_named() -> None:
     with pytest.raises(ProgramError, match="Tower runs π_at; controllers given: hold"):
         execute(TOWER, {"hold": CONTROLLERS["hold"]}, Stacking(1), SEEDS, limits={})
-
-
-def demonstration(*positions: tuple[float, float, float]) -> Trajectory:
-    """Two blocks on a line with goals at 0; each frame is (gripper, b1, b2), all along x."""
-    frames = [[g, 0, 0, 0, a, 0, 0, 0, 0, 0, b, 0, 0, 0, 0, 0.001] for g, a, b in positions]
-    return Trajectory(blocks(2), np.array(frames, dtype=np.float64))
-
-
-def test_a_demonstration_is_cut_exactly_where_goals_are_first_reached() -> None:
-    cut = segment(
-        TOWER,
-        demonstration(
-            (0.9, 0.5, 0.8),  # 0: reach for b1, the lower goal
-            (0.7, 0.5, 0.8),
-            (0.5, 0.5, 0.8),  # 2: held; carry
-            (0.3, 0.3, 0.8),
-            (0.01, 0.01, 0.8),  # 4: placed; reach for b2
-            (0.5, 0.01, 0.8),
-            (0.79, 0.01, 0.8),  # 6: held; carry
-            (0.04, 0.01, 0.04),  # 7: placed, the loop ends; carrying goes on
-            (0.04, 0.01, 0.04),
-            (0.04, 0.01, 0.04),  # the last state has no action
-        ),
-    )
-    assert cut == (Segment(0, 0, 2, (0,)), Segment(1, 2, 4, (0,)), Segment(0, 4, 6, (1,)), Segment(1, 6, 9, (1,)))
-
-
-def test_statements_passed_on_arrival_get_no_frames() -> None:
-    cut = segment(TOWER, demonstration((0.5, 0.5, 0.8), (0.4, 0.4, 0.8), (0.2, 0.2, 0.8)))
-    assert cut == (Segment(1, 0, 2, (0,)),)
-    solved = segment(TOWER, demonstration((0.5, 0.0, 0.0), (0.4, 0.0, 0.0)))
-    assert solved == (), "no controller is ever reached"
-
-
-def test_two_visits_to_one_statement_are_two_segments() -> None:
-    back_and_forth = parse_program(
-        "def P(μ : EE): while (true) { π_go() until μ↓x > 0.5; if (μ↓x > 0.8) { π_back() until ¬(μ↓x > 0.5) } }"
-    )
-    positions = [0.0, 0.9, 0.3, 0.4, 0.9, 0.0]
-    cut = segment(back_and_forth, demonstration(*((x, 0.0, 0.0) for x in positions)))
-    assert cut == (Segment(0, 0, 1, ()), Segment(1, 1, 2, ()), Segment(0, 2, 4, ()), Segment(1, 4, 5, ()))
-
-
-def test_the_opaque_goal_is_asked_of_the_caller() -> None:
-    root = parse_program("def P(μ : EE): π_any() until ψ_R")
-    path = demonstration((0.0, 1, 1), (0.1, 1, 1), (0.2, 1, 1))
-    assert segment(root, path, solved=lambda s: s[..., 0] > 0.15) == (Segment(0, 0, 2, ()),)
-    with pytest.raises(ValueError, match="ψ_R was asked"):
-        segment(root, path)

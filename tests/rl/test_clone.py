@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
+from roboscribe.dsl.segmentation import segment
 from roboscribe.rl.clone import CloningSamples, clone, gaussian_loss
 from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.observation import observation_spec
@@ -78,7 +78,7 @@ def test_frames_without_an_action_are_left_out() -> None:
 
 def test_segments_of_demonstrations_split_at_hold() -> None:
     (demonstration,) = Carry().demonstrate(1, 0)
-    first, second = segment(PROGRAM, demonstration)
+    ((first, second),) = segment(PROGRAM, [demonstration])
     gap = np.linalg.norm(demonstration.states[:, :2] - demonstration.states[:, 2:4], axis=1)
     assert (first.start, second.stop) == (0, len(demonstration) - 1)
     assert gap[second.start] < 0.04 <= gap[: first.stop].min()

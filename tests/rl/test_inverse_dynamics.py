@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from roboscribe.dsl.interpreter import segment
 from roboscribe.dsl.rewrite import controllers
+from roboscribe.dsl.segmentation import segment
 from roboscribe.rl.config import CloneConfig, InverseConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import explore, fit_inverse, probe, random_actions
 from roboscribe.rl.observation import observation_spec
@@ -36,7 +36,8 @@ def stateful(demonstration: Trajectory) -> Trajectory:
 
 def demonstrated(count: int, *, actions: bool, stored: bool) -> Frames:
     shown = [stateful(each) if stored else each for each in TASK.demonstrate(count, 0)]
-    parts = [(part, each) for each in shown for part in segment(PROGRAM, each) if part.run_index == 0]
+    cut = zip(shown, segment(PROGRAM, shown), strict=True)
+    parts = [(part, each) for each, parts in cut for part in parts if part.run_index == 0]
     return joined([frames_of(part, each, 2, actions, 2) for part, each in parts])
 
 
