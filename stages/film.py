@@ -133,7 +133,8 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
     task = config.task.make()
     program = read_runnable(inputs, task, config.confirm)
     shown = record_episodes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
-    film(program, task, shown, out / VIDEO)
+    every = max(1, round(task.frequency / GIF_RATE))  # drawing takes longer than simulating
+    film(program, task, shown, out / VIDEO, FilmOptions(every=every))
 
 
 class _Snapshots(Observer):

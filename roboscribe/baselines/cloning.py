@@ -154,7 +154,7 @@ def _descend(network: nn.Module, seen: Seen, loss: Loss, config: CloningConfig, 
     """Take the gradient steps, or those that a killed run had left; the weights are the same bit for bit."""
     single_thread()
     generator = torch.Generator().manual_seed(course.seed)
-    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
     first = 1 + _resume(network, optimizer, generator, course)
     total = 0.0
     for step in range(first, course.steps + 1):

@@ -25,7 +25,7 @@ class Discriminator(nn.Module):
         self.config = config
         self.tokenizer = tokenizer
         self.score = SetScore(2 * tokenizer.spec.size, network, nn.Tanh)
-        self.optimizer = torch.optim.Adam(self.score.parameters(), lr=config.learning_rate)
+        self.optimizer = torch.optim.Adam(self.score.parameters(), lr=config.learning_rate, fused=True)
 
     def tokens(self, batch: Batch) -> torch.Tensor:
         """Return the tokens (R, N, 2 size) of transitions."""

@@ -84,6 +84,7 @@ def policy_settings(tokenizer: Tokenizer, config: SetConfig, random_actions: flo
         "net_arch": {"pi": [], "qf": []},
         "features_extractor_class": SetExtractor,
         "features_extractor_kwargs": {"tokenizer": tokenizer, "config": config},
+        "optimizer_kwargs": {"fused": True},
     }
 
 

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 MISSING = "no OpenGL for pictures of the robot (Debian packages: libegl1 or libosmesa6); drawing a schematic instead"
+SHADOWS = 1024
+"""Texels along each side of a shadow map; MuJoCo's own 4096 take 40 % of a picture where no graphics card draws it."""
 log = logging.getLogger(__name__)
 
 
@@ -67,6 +69,7 @@ class Camera:
         """Prepare the buffers."""
         self._context = context
         self._rect = mujoco.MjrRect(0, 0, *size)
+        model.vis.quality.shadowsize = SHADOWS
         model.vis.global_.offwidth, model.vis.global_.offheight = size
         self._model = model
         self.view = mujoco.MjvCamera()

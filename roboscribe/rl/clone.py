@@ -75,7 +75,7 @@ def clone(skill: Skill, samples: CloningSamples, config: CloneConfig, seed: int)
         torch.manual_seed(seed)
         network = mlp([inputs.shape[1], *config.hidden, 2 * actions])
     steps = min(config.steps, max(config.least_steps, len(samples)))
-    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
     stops = {steps * (rank + 1) // config.checkpoints for rank in range(config.checkpoints)}
     for step in range(1, steps + 1):

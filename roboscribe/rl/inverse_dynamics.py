@@ -148,7 +148,7 @@ def fit_inverse(
     reach = float(np.tanh(config.limit))
     targets = torch.from_numpy(np.arctanh(np.clip(data.actions, -reach, reach)).astype(np.float32))
     generator = torch.Generator().manual_seed(seed)
-    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
+    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
     for _ in range(config.steps):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)

@@ -25,7 +25,7 @@ from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
 from roboscribe.rl.warm_start import Frames, busy, frames_of, joined
 from roboscribe.world.layout import BoolArray
-from roboscribe.world.naming import attended_from
+from roboscribe.world.naming import Movements
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
@@ -274,9 +274,10 @@ def _attended(parts: Sequence[Segment], shown: Trajectory) -> tuple[Segment, ...
     """Leave out of each segment what a demonstration does in it first for entities that were not dealt with yet."""
     found: list[Segment] = []
     known: set[int] = set()
+    moves = Movements(shown)
     for part in parts:
         known |= set(part.entities)
-        begin = attended_from(shown, part.start, part.stop, part.entities, known) if part.entities else part.start
+        begin = moves.attended_from(part.start, part.stop, part.entities, known) if part.entities else part.start
         found.append(replace(part, start=begin))
     return tuple(found)
 

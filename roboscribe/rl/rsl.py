@@ -106,5 +106,5 @@ def build_runner(env: RslEnv, layers: Layers, config: PpoConfig) -> OnPolicyRunn
         linear.weight.data.mul_(CRITIC_SCALE)
     groups = [(runner.alg.actor, config.actor_rate), (runner.alg.critic, config.critic_rate)]
     parameters = [{"params": list(model.parameters()), "lr": rate} for model, rate in groups]
-    runner.alg.optimizer = torch.optim.Adam(parameters)
+    runner.alg.optimizer = torch.optim.Adam(parameters, fused=True)
     return runner

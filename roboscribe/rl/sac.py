@@ -130,7 +130,7 @@ def _build(env: SacEnv, config: SacConfig, seed: int) -> SAC:
         gamma=config.gamma,
         train_freq=(1, "step"),
         gradient_steps=config.updates,
-        policy_kwargs={"net_arch": list(config.hidden)},
+        policy_kwargs={"net_arch": list(config.hidden), "optimizer_kwargs": {"fused": True}},
         seed=seed,
         device="cpu",
     )

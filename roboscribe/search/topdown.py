@@ -10,7 +10,7 @@ one product of matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf
@@ -214,7 +214,7 @@ class _CandidateEvaluator:
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
         self.shown, self.hidden = float(self.positives.sum()), float(self.negatives.sum())
-        self.prices = np.array([p.cost for p in self.literals], dtype=np.int64)
+        self._within = counts_by_cost([p.cost for p in self.literals])
         tables = np.zeros((len(self.literals), len(self.positives)), dtype=np.float32)
         for table, literal in zip(tables, self.literals, strict=True):
             table[:] = literal.truth
@@ -258,8 +258,7 @@ class _CandidateEvaluator:
 
     def count_up_to(self, cost: int) -> int:
         """Return how many literals, and pairs of literals, cost no more than `cost`."""
-        pairs = np.add.outer(self.prices, self.prices)[np.triu_indices(len(self.prices), 1)]
-        return int((self.prices <= cost).sum() + (pairs <= cost).sum())
+        return int(self._within[min(cost, len(self._within) - 1)])
 
     def best(self) -> tuple[Predicate | None, int]:
         """Return the candidate found that takes the fewest bits, and its cost.
@@ -271,3 +270,13 @@ class _CandidateEvaluator:
         least = min(found[:3] for found in self.found)
         equals = [conjunction([self.literals[i].predicate for i in f[3]]) for f in self.found if f[:3] == least]
         return min(equals, key=str), least[1]
+
+
+def counts_by_cost(costs: Sequence[int]) -> IntArray:
+    """Count the literals, and pairs of different literals, that cost no more than 0, 1, ... together."""
+    singles = np.bincount(np.array(costs, dtype=np.int64), minlength=1)
+    ordered = np.convolve(singles, singles)
+    ordered[::2] -= singles  # a literal is no pair with itself
+    pairs = ordered // 2
+    pairs[: len(singles)] += singles
+    return np.asarray(np.cumsum(pairs), dtype=np.int64)

@@ -53,53 +53,60 @@ def first_displacements(trajectory: Trajectory) -> IntArray:
     return first
 
 
-def attended_from(
-    trajectory: Trajectory, start: int, stop: int, entities: Sequence[int], known: Collection[int]
-) -> int:
-    """Return the frame from which on a part of a demonstration is about some entities.
+class Movements:
+    """Where a demonstration moves its entities.
 
-    An unknown entity that is moved and comes to rest before any of them moves was another matter: what is done until
-    then is not done for them. As with `first_displacements`, changes below a tenth of the largest do not count.
+    As with `first_displacements`, changes below a tenth of the largest do not count.
 
     Args:
         trajectory: the demonstration.
-        start: first frame of the part.
-        stop: frame after the last one.
-        entities: indices.
-        known: entities that have been dealt with so far, and these.
     """
-    moved = _moved_from(trajectory, start, stop)
-    own = moved[list(entities)].any(axis=0)
-    free = int(own.argmax()) if own.any() else stop - start
-    rests = _last_moved(trajectory, start, stop)
-    others = [e for e in range(len(moved)) if e not in known and moved[e].any() and rests[e] < free]
-    return start + max((int(rests[e]) + 1 for e in others), default=0)
 
+    def __init__(self, trajectory: Trajectory) -> None:
+        """Measure how far everything goes."""
+        layout = trajectory.layout
+        self._states, self._count = trajectory.states, len(layout.entities)
+        self._least: list[tuple[int, slice, float]] = []
+        """Entities, the columns of one of their attributes, and the least change of it that counts."""
+        for kind in layout.types.values():
+            members = layout.of_type(kind.name)
+            for attribute in (a for a in kind.attributes if a.is_place):
+                largest = max(float(_change(self._states, layout, e, attribute.name).max()) for e in members)
+                if largest > 0.0 and _worth_noticing(attribute.unit, largest):
+                    columns = ((e, layout.columns[e, attribute.name, False]) for e in members)
+                    self._least += [(e, place, _MOVED * largest) for e, place in columns]
 
-def _moved_from(trajectory: Trajectory, start: int, stop: int) -> BoolArray:
-    """Tell where each entity is displaced from where it is at `start`, (N, stop - start)."""
-    return _displaced(trajectory, trajectory.states[start:stop], trajectory.states[start])
+    def attended_from(self, start: int, stop: int, entities: Sequence[int], known: Collection[int]) -> int:
+        """Return the frame from which on a part of the demonstration is about some entities.
 
+        An unknown entity that is moved and comes to rest before any of them moves was another matter: what is done
+        until then is not done for them.
 
-def _last_moved(trajectory: Trajectory, start: int, stop: int) -> IntArray:
-    """Return the last frame, counted from `start`, at which each entity is not yet where it is in the end, (N,)."""
-    away = _displaced(trajectory, trajectory.states[start:stop], trajectory.states[stop - 1])
-    return np.where(away.any(axis=1), away.shape[1] - 1 - away[:, ::-1].argmax(axis=1), -1)
+        Args:
+            start: first frame of the part.
+            stop: frame after the last one.
+            entities: indices.
+            known: entities that have been dealt with so far, and these.
+        """
+        moved = self._displaced(start, stop, self._states[start])
+        own = moved[list(entities)].any(axis=0)
+        free = int(own.argmax()) if own.any() else stop - start
+        rests = self._last_moved(start, stop)
+        others = [e for e in range(len(moved)) if e not in known and moved[e].any() and rests[e] < free]
+        return start + max((int(rests[e]) + 1 for e in others), default=0)
 
+    def _last_moved(self, start: int, stop: int) -> IntArray:
+        """Return the last frame, counted from `start`, at which each entity is not yet where it is in the end, (N,)."""
+        away = self._displaced(start, stop, self._states[stop - 1])
+        return np.where(away.any(axis=1), away.shape[1] - 1 - away[:, ::-1].argmax(axis=1), -1)
 
-def _displaced(trajectory: Trajectory, states: FloatArray, origin: FloatArray) -> BoolArray:
-    """Tell in which states (T, F) each entity is displaced from its place in `origin` (F,), (N, T)."""
-    layout = trajectory.layout
-    found = np.zeros((len(layout.entities), len(states)), dtype=np.bool_)
-    for kind in layout.types.values():
-        members = layout.of_type(kind.name)
-        for attribute in (a for a in kind.attributes if a.is_place):
-            largest = max(_change(trajectory.states, layout, e, attribute.name).max() for e in members)
-            if largest > 0.0 and _worth_noticing(attribute.unit, float(largest)):
-                for entity in members:
-                    columns = layout.columns[entity, attribute.name, False]
-                    found[entity] |= np.linalg.norm(states[:, columns] - origin[columns], axis=1) > _MOVED * largest
-    return found
+    def _displaced(self, start: int, stop: int, origin: FloatArray) -> BoolArray:
+        """Tell in which frames from `start` each entity is displaced from its place in `origin` (F,), (N, T)."""
+        found = np.zeros((self._count, stop - start), dtype=np.bool_)
+        for entity, columns, least in self._least:
+            away = self._states[start:stop, columns] - origin[columns]
+            found[entity] |= np.linalg.norm(away, axis=1) > least
+        return found
 
 
 def _worth_noticing(unit: str, change: float) -> bool:

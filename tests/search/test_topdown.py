@@ -17,6 +17,7 @@ from roboscribe.search.topdown import (
     Atoms,
     Literal,
     Strictest,
+    counts_by_cost,
     enumerate_conjunctions,
     literals,
     strictest_literal,
@@ -187,3 +188,12 @@ def test_exceptions_have_a_price() -> None:
     atoms = Atoms((Literal(flag, 1, cheap), Literal(exact, 2, positive)), (), Var("b'"), "block")
     assert enumerate_conjunctions(atoms, positive, 0.05).best == flag
     assert enumerate_conjunctions(atoms, positive, 0.05, exception_bits=5.0).best == exact
+
+
+@pytest.mark.parametrize("costs", [[], [3], [1, 1, 2, 5, 5, 5], [2, 4, 6]])
+def test_what_costs_no_more_is_counted_as_if_every_pair_was_listed(costs: list[int]) -> None:
+    together = [*costs, *(a + b for a, b in combinations(costs, 2))]
+    counts = counts_by_cost(costs)
+    assert [counts[min(cost, len(counts) - 1)] for cost in range(15)] == [
+        sum(each <= cost for each in together) for cost in range(15)
+    ]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from roboscribe.world.layout import ROBOT, Attribute, Layout, ObjectType
-from roboscribe.world.naming import attended_from, by_binding, by_displacement, first_displacements
+from roboscribe.world.naming import Movements, by_binding, by_displacement, first_displacements
 from roboscribe.world.trajectory import Trajectory
 
 POSITION = Attribute("position", ("x", "y"))
@@ -83,7 +83,7 @@ def test_what_is_done_for_unknown_entities_first_is_another_matter() -> None:
     states = np.zeros((14, layout.size))
     states[:, layout.columns[0, "position", False]] = np.clip((np.arange(14) - 1) / 4, 0, 1)[:, None]
     states[:, layout.columns[1, "position", False]] = np.clip((np.arange(14) - 7) / 4, 0, 1)[:, None]
-    shown = Trajectory(layout, states)
-    assert attended_from(shown, 0, 14, (1,), {1}) == 5
-    assert attended_from(shown, 0, 14, (1,), {0, 1}) == 0
-    assert attended_from(shown, 0, 14, (0,), {0}) == 0
+    moves = Movements(Trajectory(layout, states))
+    assert moves.attended_from(0, 14, (1,), {1}) == 5
+    assert moves.attended_from(0, 14, (1,), {0, 1}) == 0
+    assert moves.attended_from(0, 14, (0,), {0}) == 0
