@@ -9,6 +9,7 @@ from itertools import combinations, permutations
 import numpy as np
 
 from roboscribe.branch_condition import order_condition
+from roboscribe.branch_threshold import left_behind
 from roboscribe.dsl.rewrite import conjunction, free_vars, fresh, rename, seq, walk
 from roboscribe.dsl.syntax import (
     Get,
@@ -85,7 +86,7 @@ class _Writer:
         Source: Algorithm 5, lines 8-19.
         """
         outside = self.straight.pop(node.role, None) if node.circular else None  # a loop's variable is its own
-        body = self.predecessors(self.tree.predecessors(node.name))
+        body = self.predecessors(node.name)
         if isinstance(body, Fail) or (self.done and not node.circular):
             return body
         written = self.loop(node, body) if node.circular else seq(body, *self.run(node))
@@ -94,13 +95,15 @@ class _Writer:
         self.done = self.done or node.name == self.goal
         return written
 
-    def predecessors(self, nodes: Sequence[Node]) -> Statement | Fail:
+    def predecessors(self, psi: str) -> Statement | Fail:
         """Branches in the order in which the demonstrations finish them; conditions where that order has a reason."""
         parts: list[Statement] = []
+        nodes = self.tree.predecessors(psi)
         order = branch_order(self.evidence, nodes)
+        crossings = self.evidence.crossings(self.tree, psi)
         for group in order.groups:
             if not self.done:
-                part = self.group(group, order)
+                part = self.group([left_behind(node, crossings, self.evidence) for node in group], order)
                 if isinstance(part, Fail):
                     return part
                 parts.append(part)

@@ -175,7 +175,9 @@ def _closes(machine: Machine, row: int, runs: Sequence[Run], shown: Trajectory, 
             about = bound if served == NULL else (served,)
             if not solved(last)[0] or unfinished not in (None, about):
                 return False
-            if unfinished == about and served != NULL and run is runs[-1]:
+            if unfinished == about and served == NULL:
+                return True  # all else was done since, for the program asks for the same again
+            if unfinished == about and run is runs[-1]:
                 alike = shown.layout.of_type(shown.layout.entities[served].name)
                 others = (tuple(e if b == served else b for b in bound) for e in alike if e != served)
                 return all(_ever(run, other, shown, solved) for other in others)
