@@ -42,10 +42,10 @@ def left_behind(node: Node, crossings: Crossings, evidence: Evidence) -> Node:
     left = _since(values < sign * phi.right.value, crossings.starts, last) < last - ARRIVING
     if not 1.0 - AGREEMENT < float(np.mean(left)) < AGREEMENT:
         return node
-    pos, arriving, at_first = values[last[left]], values[last[~left]], values[crossings.starts]
+    pos, at_first = values[last[left]], values[crossings.starts]
     within = phi.left.of if isinstance(phi.left, Norm) and sign > 0 else None
     numbers = 0 if within is None else evaluate(within, crossings.frames[:1], {}, evidence.layout).shape[-1]
-    threshold, _ = bound(pos, at_first, float(np.std(values)), usual_range(values, numbers), arriving, numbers)
+    threshold, _ = bound(pos, at_first, float(np.std(values)), usual_range(values, numbers), numbers=numbers)
     sharper = sign * min(threshold, sign * phi.right.value)
     return replace(node, predicate=type(phi)(phi.left, Const(sharper)))
 

@@ -175,8 +175,8 @@ def _closes(machine: Machine, row: int, runs: Sequence[Run], shown: Trajectory, 
             about = bound if served == NULL else (served,)
             if not solved(last)[0] or unfinished not in (None, about):
                 return False
-            if unfinished == about and served == NULL:
-                return True  # all else was done since, for the program asks for the same again
+            if unfinished == about and served == NULL:  # asked for again, as the first of what is left
+                return all(_ever(other, found, shown, solved) for other, found in _bound(machine, row, runs, but=run))
             if unfinished == about and run is runs[-1]:
                 alike = shown.layout.of_type(shown.layout.entities[served].name)
                 others = (tuple(e if b == served else b for b in bound) for e in alike if e != served)
@@ -185,6 +185,15 @@ def _closes(machine: Machine, row: int, runs: Sequence[Run], shown: Trajectory, 
         machine.skip(rows)
         machine.advance(rows, last)
     return False
+
+
+def _bound(machine: Machine, row: int, runs: Sequence[Run], but: Run) -> Iterator[tuple[Run, tuple[int, ...]]]:
+    """Yield the other controller statements whose variables are all bound, and what to."""
+    binding = machine.binding(row)
+    for run in (each for each in runs if each != but):
+        bound = tuple(binding[name] for name in run_variables(run))
+        if NULL not in bound:
+            yield run, bound
 
 
 def _ever(run: Run, bound: tuple[int, ...], shown: Trajectory, solved: SolvedTest) -> bool:

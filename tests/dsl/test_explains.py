@@ -112,3 +112,17 @@ def test_a_program_that_goes_round_without_a_controller_explains_nothing() -> No
 
 def test_nothing_is_left_to_do_where_all_holds_from_the_start() -> None:
     assert explained(TOWER, (0.9, 0.0, 0.0), (0.9, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(("frames", "answer"), [(FULL[:4], True), (SHORT[:4], False)], ids=["one", "two"])
+def test_a_loop_over_branches_may_ask_again_for_what_the_demonstration_ends_with(
+    frames: tuple[Frame, ...], answer: bool
+) -> None:
+    """The task is solved at 8 cm, where the demonstration ends; the program asks for 5 cm."""
+    at = "‖{0}↓xyz − g({0})↓xyz‖ < 0.05".format
+    gets = "a := get(λa:block. ¬(a↓x > 0.6)); b := get(λb:block. b↓x > 0.6)"
+    one, other = f"π_one(μ, a, g(a)) until {at('a')}", f"π_other(μ, b, g(b)) until {at('b')}"
+    program = straight(
+        f"{gets}; while (¬({at('a')} ∧ {at('b')})) {{ if (¬({at('a')})) {{ {one} }} else {{ {other} }} }}"
+    )
+    assert explained(program, *frames, (0.07, frames[-1][1], 0.07), distance=0.08) == answer
