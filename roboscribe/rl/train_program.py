@@ -307,13 +307,14 @@ def _train(
 def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
     """Return the control steps that reinforcement may cost, after a warm start of success `rate`.
 
-    Few where a subgoal may still be found before `run`; none where it is likely, since what was done in demonstrations
-    mostly fails here. Where none is found then, all is trained once more. None either where a subgoal's program can
-    go on as things stand: what is worth reinforcing shows when the program is to bring ψ_R about.
+    None for ψ_R where no start succeeds, for then nothing is ever rewarded. Few where a subgoal may still be found
+    before `run`; none where it is likely, since what was done in demonstrations mostly fails here. Where none is found
+    then, all is trained once more. None either where a subgoal's program can go on as things stand: what is worth
+    reinforcing shows when the program is to bring ψ_R about.
     """
     config = training.config
     if isinstance(run.until, Solved):
-        return min(config.opaque_budget, config.budget)
+        return min(config.opaque_budget, config.budget) if rate else 0
     if training.solve or isinstance(config.learner, SacConfig):
         return config.learning_steps
     if rate >= config.passable:

@@ -15,6 +15,7 @@ from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConf
 from roboscribe.rl.program_training import step_limits
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.train_program import TrainingResult, train_program
+from roboscribe.world.layout import BoolArray, FloatArray
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
 TASK = Carry()
@@ -152,6 +153,18 @@ def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
     assert report.starts <= QUICK.pool.opaque
     evaluations = 1 + QUICK.opaque_budget // (160 * QUICK.blind.evaluate_every)
     assert report.control_steps <= QUICK.opaque_budget + evaluations * QUICK.pool.opaque * TASK.horizon
+
+
+def test_what_never_succeeds_is_not_reinforced() -> None:
+    """Nothing is ever rewarded then: what is left to pay for is the look at it."""
+
+    class Never(Carry):
+        def solved(self, states: FloatArray) -> BoolArray:
+            return np.zeros(states.shape[:-1], dtype=np.bool_)
+
+    (report,) = train_program(Never(), BLIND, SHOWN, {}, QUICK, 0).reports
+    assert (report.learner, report.success) == ("initial", 0.0)
+    assert report.control_steps <= 2 * QUICK.pool.opaque * Never().horizon
 
 
 @pytest.mark.parametrize(
