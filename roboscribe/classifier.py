@@ -316,11 +316,11 @@ def _at_stake(evidence: Evidence, tree: Tree, psi: str) -> frozenset[str]:
 
 
 def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> Iterator[Candidate]:
-    """Read what leads to ψ_R once for every entity of each type that has several."""
+    """Read what leads to ψ_R once for every entity of each type, of one without like where it is done to some such."""
     layout = evidence.layout
     single = [name for name, kind in evidence.types.items() if len(layout.of_type(kind)) == 1]
     for members in (layout.of_type(kind) for kind in layout.types):
-        if psi == ROOT and len(members) > 1:
+        if psi == ROOT:
             entity = layout.names[members[0]]
             features = enumerate_features(layout, [entity, *single])
             known = {

@@ -12,8 +12,8 @@ from math import factorial
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, uses_robot
-from roboscribe.dsl.syntax import Exists, Predicate, Truth
+from roboscribe.dsl.rewrite import free_vars, uses_robot, walk
+from roboscribe.dsl.syntax import Exists, Goal, Predicate, Truth, Var
 from roboscribe.search.features import Feature
 from roboscribe.search.length import length
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
@@ -34,6 +34,8 @@ ENTITY_COST = 0.1
 """Price of each further entity that is named, in lengths of a demonstration: two bits, which tell it from others."""
 BIT_GAIN = 0.05
 """Worth of a bit, in lengths of a demonstration: a predicate that halves what is possible says twice as much."""
+LOOP_GAIN = 0.1
+"""The same of a loop, for every entity bears it out: a place says more than the half of the table that it lies in."""
 MOST_BITS = 6.0
 """Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
 CHANCE = 0.05
@@ -136,7 +138,8 @@ class Candidate:
         family: objects and attributes that φ compares.
         standing: once the goal has predecessors, 0 for what holds in the world, whatever the robot does next; 1 for
             what is about the robot; 2 for what is said of entities with all of which a loop has dealt, and for leaving
-            something by name; 3 for what is then said of some of them, for who leaves is away from all. Else 0.
+            something by name; 3 for what is then said of some of them, for who leaves is away from all, and of goals.
+            Else 0.
         each: whether φ is brought about for one entity of a type after the other: a loop.
         with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
             move that one.
@@ -196,7 +199,7 @@ class Candidate:
         lateness = 0.0 if complete_with_task else missing
         price = lateness + ACCEPTED_COST * self.accepted + NODE_COST * self.size
         price += ENTITY_COST * max(0, self.entities - 1)
-        return round(price - BIT_GAIN * self.bits, 3)
+        return round(price - (LOOP_GAIN if self.each else BIT_GAIN) * self.bits, 3)
 
     @property
     def levels(self) -> tuple[float | bool, ...]:
@@ -316,7 +319,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     since = _since(first, samples.starts, len(it.on_frames))
     way = float(np.median(first / np.maximum(1, lengths - 1)))
     restores = np.mean(it.on_frames[samples.starts] & (first > 0) & (first < lengths)) >= AGREEMENT
-    leaving = samples.afterwards and of_robot and bool(names)
+    leaving = samples.afterwards and of_robot and any(isinstance(part, Var) for part in walk(it.predicate))
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
     return Candidate(
         predicate=it.predicate,
@@ -345,7 +348,8 @@ def judge(it: Judged, samples: Samples) -> Candidate:
 
 def _standing(phi: Predicate, samples: Samples, *, of_robot: bool) -> int:
     """Say how likely what φ is about comes next, see `Candidate`."""
-    if samples.afterwards and isinstance(phi, Exists):
+    about_goal = of_robot and any(isinstance(part, Goal) for part in walk(phi))
+    if samples.afterwards and (isinstance(phi, Exists) or about_goal):  # a goal is left with what lies there by now
         return 3
     if samples.afterwards and of_robot == bool(free_vars(phi)):
         return 2

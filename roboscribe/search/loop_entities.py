@@ -1,4 +1,4 @@
-"""Which entities of a type a loop is about: all of them, or those on one side of a number that nothing changes."""
+"""Which entities of a type a loop is about: all, or those of which a number that nothing changes lies in some range."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename
 from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import Predicate, Proj, Truth
+from roboscribe.dsl.syntax import And, Predicate, Proj, Truth
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
 from roboscribe.world.trajectory import AGREEMENT
@@ -84,6 +84,8 @@ def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[tupl
 def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], pairs: Pairs) -> Iterator[Predicate]:
     """Find entities that end below a threshold where all others end beyond it, told by a number that nothing changes.
 
+    That number lies beyond a threshold of its own, or, where none parts them, between two.
+
     Args:
         values: (N, S) of a feature, to lie below a threshold once ψ_R holds.
         readings: what may tell them, see `lasting_readings`.
@@ -95,15 +97,34 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
     """
     ends = values[:, pairs.lasts]
     for feature, initial in readings:
-        sides = [(s, c) for c in _cuts(initial) for s in (1.0, -1.0)]
-        best = max(sides, key=lambda side: _parts(ends, side[0] * initial < side[0] * side[1]), default=None)
-        if best is None:
-            continue
-        sign, cut = best
-        chosen = sign * initial < sign * cut
+        sides = _beyond(feature, initial)
+        only, chosen = max(sides, key=lambda side: _parts(ends, side[1]), default=(Truth(), ends > np.inf))
+        if _parted(ends, chosen) <= 0.0:
+            only, chosen = _between(feature, initial, ends)
         said = log2(comb(chosen.size, int(chosen.sum())))
-        if _parted(ends, chosen) > 0.0 and said >= log2(2 * len(sides) * max(1, len(readings)) * len(pairs.members)):
-            yield (feature.below if sign > 0 else feature.above)(cut)
+        enough = log2(max(1, len(sides) * len(readings)) * len(pairs.members))
+        if _parted(ends, chosen) > 0.0 and said >= enough:
+            yield only
+
+
+def _beyond(feature: Feature, values: FloatArray) -> list[tuple[Predicate, BoolArray]]:
+    """List what lies on either side of a threshold, and which values (N, D) do."""
+    cuts = _cuts(values)
+    below = [(feature.below(cut), values < cut) for cut in cuts]
+    return [*below, *((feature.above(cut), values > cut) for cut in cuts)]
+
+
+def _between(feature: Feature, values: FloatArray, ends: FloatArray) -> tuple[Predicate, BoolArray]:
+    """Bound, on both sides, the values (N, D) of those entities whose `ends` (N, D) lie below the widest gap."""
+    ordered = np.sort(ends, axis=None)
+    chosen = ends <= ordered[np.argmax(np.diff(ordered))]
+    low, high = values[chosen].min(), values[chosen].max()
+    beneath, beyond = values[values < low], values[values > high]
+    if chosen.all() or not len(beneath) or not len(beyond):
+        return Truth(), np.zeros_like(chosen)
+    bounds = ((beneath.max() + low) / 2, (high + beyond.min()) / 2)
+    low, high = (float(f"{bound:.3g}") for bound in bounds)
+    return And(feature.above(low), feature.below(high)), (values > low) & (values < high)
 
 
 def _cuts(values: FloatArray) -> list[float]:
@@ -117,9 +138,15 @@ def _cuts(values: FloatArray) -> list[float]:
 
 
 def _parts(ends: FloatArray, chosen: BoolArray) -> tuple[bool, float]:
-    """Rank how well entities are parted: without exception before with a few, then by the width of the gap."""
+    """Rank how well entities are parted: without exception before with a few, then by the gap in their own ranges.
+
+    What goes to the first of three trays lies in it; what goes to one of the first two lies anywhere between.
+    """
     gap = _parted(ends, chosen)
-    return gap > 0.0 and bool(ends[~chosen].min() > ends[chosen].max()), gap
+    if gap <= 0.0:
+        return False, gap
+    own = float(np.ptp(ends[chosen])) + (1.0 - AGREEMENT) * float(np.ptp(ends[np.isfinite(ends)]))
+    return bool(ends[~chosen].min() > ends[chosen].max()), gap / own
 
 
 def _parted(ends: FloatArray, chosen: BoolArray) -> float:

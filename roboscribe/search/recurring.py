@@ -43,12 +43,13 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
         that was learned from all of them is a loop to begin with.
     """
     readings = list(lasting_readings(features, pairs))
+    all_of_them = (Truth(),) if len(pairs.members) > 1 else ()  # of a single one there is nothing to repeat
     for feature in features:
         if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
                 for sign in (1.0, -1.0):
-                    for only in (Truth(), *parting(sign * values, readings, pairs)):
+                    for only in (*all_of_them, *parting(sign * values, readings, pairs)):
                         found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, only)
                         if found is not None:
                             yield found
@@ -69,6 +70,7 @@ def _candidate(
         return None
     values, negatives = alone(only, values, pairs.frames, pairs), alone(only, negatives, pairs.negatives, pairs)
     worst = negatives.max(axis=0)
+    worst = worst[np.isfinite(worst)]  # where no entity is meant nothing fails
     kept, arriving = _at_the_end(values, pairs)
     usual = usual_range(values[np.isfinite(values)], ball(feature, sign))
     if too_fine(feature, usual, kept, worst):
@@ -81,9 +83,10 @@ def _candidate(
     reached = first <= (pairs.lasts - pairs.starts)[:, None]
     missing = (~reached).sum(axis=1)
     late = (first > 0) & reached
-    if np.mean(missing <= 1) < AGREEMENT:
+    if np.mean(missing < len(pairs.members)) < AGREEMENT or np.mean(missing <= 1) < AGREEMENT:
         return None
-    if np.mean(late.any(axis=1)) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
+    meant = np.isfinite(values[:, pairs.starts]).any(axis=0)
+    if np.mean(late.any(axis=1)[meant]) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
     if _together(values, first, late, pairs) > TOGETHER:
         return None
@@ -92,7 +95,7 @@ def _candidate(
     return Candidate(
         predicate=predicate,
         accepted=float(np.mean(worst < threshold)) if worst.size else 0.0,
-        initial=float(np.mean((first == 0).all(axis=1))),
+        initial=float(np.mean((first == 0).all(axis=1)[meant])),
         kept=_kept(truth, first, pairs),
         first=float(np.median((first / lengths)[late])) if late.any() else 1.0,
         copy=is_copy(feature, pairs.known.get(only, pairs.known[Truth()])),

@@ -224,6 +224,31 @@ def test_who_leaves_goes_away_from_all_rather_than_from_some(text: str, standing
     assert (found.standing, found.afterwards) == (standing, True)
 
 
+def left(text: str, bits: float = 2.0) -> Candidate:
+    """Judge what is said of the robot in the end, when all else is done."""
+    states = random_states(np.random.default_rng(0), 12)
+    given = replace(samples(states[:3], states[:4], episodes=(states,)), afterwards=True)
+    it = Judged(
+        parse_predicate(text), (feature("μ↓opening"),), np.zeros(4, np.bool_), np.ones(12, np.bool_), 0.2, (), bits
+    )
+    return judge(it, given)
+
+
+def test_a_hand_leaves_things_and_not_the_places_where_they_belong() -> None:
+    things, places = "¬∃b':block. b'↓p < 0.5", "¬∃b':block. b'↓p − g(b')↓p < 0.5"
+    assert left(things).standing < left(places).standing
+
+
+def test_who_leaves_need_not_say_much_for_almost_anywhere_will_do() -> None:
+    states = random_states(np.random.default_rng(0), 30)
+    given = replace(samples(states, states[:4], episodes=(states[:1],) * 30), afterwards=True)
+    for text, informative in (("¬∃b':block. b'↓p < 0.5", True), ("b1↓p > 0.5", True), ("μ↓opening > 0.5", False)):
+        it = Judged(
+            parse_predicate(text), (feature("μ↓opening"),), np.zeros(400, np.bool_), np.ones(30, np.bool_), 0.2, (), 0.9
+        )
+        assert judge(it, given).informative == informative
+
+
 @pytest.mark.parametrize(
     ("text", "first", "root", "added", "comes_with_it"),
     [

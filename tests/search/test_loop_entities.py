@@ -11,7 +11,7 @@ from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.loop_entities import Pairs
 from roboscribe.search.recurring import recurring_candidates
-from roboscribe.world.layout import Layout
+from roboscribe.world.layout import FloatArray, Layout
 from tests.search.examples import LAYOUT as ONE
 
 THREE = Layout(ONE.robot, ONE.entities * 3)
@@ -60,3 +60,46 @@ def test_where_all_are_served_a_loop_is_about_all() -> None:
 def test_what_others_are_served_by_lot_tells_nothing() -> None:
     by_lot = np.random.default_rng(0).random((DEMONSTRATIONS, 3)) < 0.5
     assert not found(RED, by_lot.tolist())
+
+
+def told_apart(levels: FloatArray, ends: FloatArray) -> dict[str, Candidate]:
+    """Find what recurs with p where s of each block (D, N) decides where p of it ends (D, N), one after the other."""
+    rng = np.random.default_rng(3)
+    count = levels.shape[1]
+    layout = Layout(ONE.robot, ONE.entities * count)
+    p, s = (tuple(layout.columns[i, name, False].start for i in range(count)) for name in ("p", "s"))
+    states = rng.uniform(0.0, 1.0, (len(levels), LENGTH, layout.size))
+    states[..., s], states[..., p] = levels[:, None], 1.0
+    for i in range(count):
+        states[:, 8 * (i + 1) :, p[i]] = ends[:, i, None] + rng.uniform(0.0, 0.02, (len(levels), 1))
+    negatives = rng.uniform(0.5, 1.0, (500, layout.size))
+    negatives[:, s] = rng.choice(np.unique(levels), (500, count))
+    starts = np.arange(len(levels)) * LENGTH
+    pairs = Pairs(layout, "b1", tuple(range(count)), states.reshape(-1, layout.size), starts, negatives, {Truth(): {}})
+    candidates = recurring_candidates(enumerate_features(layout, ["b1"]), pairs)
+    return {str(c.only): c for c in candidates if str(c.predicate).startswith("b1↓p <")}
+
+
+LEVELS = np.random.default_rng(1).choice([0.1, 0.5, 0.9], (DEMONSTRATIONS, 3))
+
+
+def test_a_loop_may_be_about_those_between_two_bounds() -> None:
+    (loop,) = told_apart(LEVELS, np.where(LEVELS == 0.5, 0.0, 0.98)).values()
+    assert loop.only == parse_predicate("b1↓s > 0.3 ∧ b1↓s < 0.7")
+    assert loop.possible
+
+
+def test_of_three_places_in_a_row_the_first_is_for_one_kind_not_for_two() -> None:
+    assert set(told_apart(LEVELS, LEVELS)) - {"true"} == {"b1↓s < 0.3"}
+
+
+def test_what_is_done_to_a_single_entity_may_depend_on_it() -> None:
+    alone = LEVELS[:, :1]
+    (loop,) = told_apart(alone, np.where(alone > 0.3, 0.0, 0.98)).values()
+    assert loop.only == parse_predicate("b1↓s > 0.3")
+    assert loop.possible
+    assert (loop.accepted, loop.initial) == (0.0, 0.0), "where it is not meant it neither fails nor is done"
+
+
+def test_what_is_always_done_to_a_single_entity_is_no_loop() -> None:
+    assert not told_apart(LEVELS[:, :1], np.zeros((DEMONSTRATIONS, 1)))
