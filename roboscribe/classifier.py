@@ -83,12 +83,13 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
     found: list[Candidate] = []
     for part in _parts(crossings, features, evidence, tree, psi):
         samples = _samples(part, negatives, evidence, tree, psi, features)
-        recurring = [] if found else list(_recurring(samples, evidence, tree, psi))
+        recurring = [] if found else list(_recurring(samples, evidence, tree, psi, several=True))
         others = {str(c.predicate) for c in found if c.possible}
         found += [c for c in rank_predicates(part.features, samples, recurring) if str(c.predicate) not in others]
     if not any(c.possible for c in found):
-        whole = _Part(crossings, features, tuple(tree.below(psi)))
-        found += learn_decision_tree(features, _samples(whole, negatives, evidence, tree, psi, features))
+        samples = _samples(_Part(crossings, features, tuple(tree.below(psi))), negatives, evidence, tree, psi, features)
+        depending = [c for c in _recurring(samples, evidence, tree, psi, several=False) if c.possible]
+        found += depending or learn_decision_tree(features, samples)
     table = tuple(sorted((c for c in found if c.possible), key=lambda c: c.rank))
     if not table:
         return Fail(
@@ -315,12 +316,12 @@ def _at_stake(evidence: Evidence, tree: Tree, psi: str) -> frozenset[str]:
     return named & evidence.moved or named
 
 
-def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> Iterator[Candidate]:
-    """Read what leads to ψ_R once for every entity of each type, of one without like where it is done to some such."""
-    layout = evidence.layout
+def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str, *, several: bool) -> list[Candidate]:
+    """Read what leads to ψ_R once for every entity of each type that has several, or of each type that has one."""
+    layout, found = evidence.layout, list[Candidate]()
     single = [name for name, kind in evidence.types.items() if len(layout.of_type(kind)) == 1]
     for members in (layout.of_type(kind) for kind in layout.types):
-        if psi == ROOT:
+        if psi == ROOT and (len(members) > 1) == several:
             entity = layout.names[members[0]]
             features = enumerate_features(layout, [entity, *single])
             known = {
@@ -328,9 +329,10 @@ def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str) -> It
                 for only in (Truth(), *(n.only for n in tree.nodes))
             }
             pairs = Pairs(layout, entity, members, samples.frames, samples.starts, samples.negatives, known)
-            moving = set(single) & evidence.moved
+            moving = (set(single) - {entity}) & evidence.moved
             for each in recurring_candidates(features, pairs):
-                yield replace(each, with_others=not moving.isdisjoint(free_vars(each.predicate)))
+                found.append(replace(each, with_others=not moving.isdisjoint(free_vars(each.predicate))))
+    return found
 
 
 def _compared(features: Sequence[Feature], nodes: Iterable[Node], evidence: Evidence) -> dict[str, int]:

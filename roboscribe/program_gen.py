@@ -14,7 +14,9 @@ from roboscribe.dsl.rewrite import conjunction, free_vars, fresh, rename, seq, w
 from roboscribe.dsl.syntax import (
     Get,
     Goal,
+    Greater,
     If,
+    Less,
     Not,
     Object,
     Or,
@@ -22,6 +24,7 @@ from roboscribe.dsl.syntax import (
     Program,
     Robot,
     Run,
+    Seq,
     Solved,
     Statement,
     Truth,
@@ -85,15 +88,20 @@ class _Writer:
 
         Source: Algorithm 5, lines 8-19.
         """
-        outside = self.straight.pop(node.role, None) if node.circular else None  # a loop's variable is its own
+        repeats = node.circular and not self.depends(node)
+        outside = self.straight.pop(node.role, None) if repeats else None  # a loop's variable is its own
         body = self.predecessors(node.name)
-        if isinstance(body, Fail) or (self.done and not node.circular):
+        if isinstance(body, Fail) or (self.done and not repeats):
             return body
-        written = self.loop(node, body) if node.circular else seq(body, *self.run(node))
+        written = self.loop(node, body) if repeats else seq(body, *self.run(node))
         if outside is not None:
             self.straight[node.role] = outside
         self.done = self.done or node.name == self.goal
         return written
+
+    def depends(self, node: Node) -> bool:
+        """Tell whether a circular node is about the only entity of its type: it is done or not, and never again."""
+        return node.circular and len(self.evidence.layout.of_type(self.evidence.types[node.role])) == 1
 
     def predecessors(self, psi: str) -> Statement | Fail:
         """Branches in the order in which the demonstrations finish them; conditions where that order has a reason."""
@@ -126,12 +134,32 @@ class _Writer:
             if len(nodes) > 2 and self.done and node.name != self.goal:
                 return seq(*branches)
             self.done = self.done or reached
+        depending = [self.depends(node) for node in nodes]
+        if all(depending):
+            return self.alternatives(nodes, branches)
+        branches = [
+            self.alternatives([node], [branch]) if depends else branch
+            for node, branch, depends in zip(nodes, branches, depending, strict=True)
+        ]
         if len(nodes) == 1:
             return branches[0]
         if len(nodes) == 2:
             test = order.conditions[nodes[0].name, nodes[1].name]
             return If(self.about(test), seq(*branches), seq(*reversed(branches)))
         return self.guarded(nodes, branches, order)
+
+    def alternatives(self, nodes: Sequence[Node], branches: Sequence[Statement]) -> Statement:
+        """`if (P1) S1 else if (P2) S2 ...`: which branch is taken depends on what the only entity of a type is like.
+
+        Departs: Sec. 4.5 takes every branch in some order.
+        """
+        pairs = list(zip(nodes, branches, strict=True))
+        body: Statement = Seq()
+        if len(pairs) == 2 and _are_opposite(nodes[0].only, nodes[1].only):
+            _, body = pairs.pop()
+        for node, branch in reversed(pairs):
+            body = If(self.about(node.only), branch, body)
+        return body
 
     def guarded(self, nodes: Sequence[Node], branches: Sequence[Statement], order: Order) -> Statement:
         """`while (some branch is left) {if (P1) S1 else if (P2) S2 ... else Sn}`, the first that none must precede.
@@ -261,6 +289,15 @@ def _waits_for(order: Order, node: Node, other: Node, done: Mapping[str, Predica
     if earlier is not None:
         return Or(done[other.name], earlier)
     return Truth() if names.index(node.name) < names.index(other.name) else done[other.name]
+
+
+def _are_opposite(one: Predicate, other: Predicate) -> bool:
+    """Tell whether two predicates are the two sides of one threshold."""
+    match one, other:
+        case (Less(term, bound), Greater(left, right)) | (Greater(left, right), Less(term, bound)):
+            return (term, bound) == (left, right)
+        case _:
+            return False
 
 
 def _arguments(predicate: Predicate) -> tuple[Object, ...]:

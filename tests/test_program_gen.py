@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from roboscribe.dsl.machine import Machine
-from roboscribe.dsl.parser import parse_program
+from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.dsl.rewrite import controllers, walk
 from roboscribe.dsl.syntax import Get, If, Program, Run, Seq, While
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.program_gen import gen_program
-from roboscribe.subtask_tree import ROOT, TRUE, Tree
+from roboscribe.subtask_tree import ROOT, TRUE, Node, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import Trajectory
 from tests.handmade import AT, HOLD, bottom_up, chain, evidence, legs, nearest_first, node, state
@@ -186,3 +186,27 @@ def test_a_loop_that_nothing_explains_fails_with_the_reason() -> None:
     shown = evidence(THREE, lambda goals: bottom_up(goals)[:1])
     answer = gen_program(ROOT, shown, chain(node("at", AT, "b1", circular=True)))
     assert answer == Fail("no demonstration handles entities one after another until at")
+
+
+LOW = Node("low", parse_predicate(AT.format("p1", "p1")), circular=True, only=parse_predicate("g(p1)↓z < 0.1"))
+HIGH = Node("high", parse_predicate("p1↓z > 0.15"), circular=True, only=parse_predicate("g(p1)↓z > 0.1"))
+
+
+def either(*nodes: Node) -> Tree:
+    """Build the tree in which each node leads to ψ_R."""
+    return Tree((*Tree().nodes, *nodes), tuple(edge for n in nodes for edge in ((TRUE, n.name), (n.name, ROOT))))
+
+
+@pytest.mark.parametrize(
+    ("nodes", "body"),
+    [
+        ((LOW,), "if (g(p)↓z < 0.1) { π_low(μ, p, g(p)) until at(p) }"),
+        (
+            (LOW, HIGH),
+            "if (g(p)↓z < 0.1) { π_low(μ, p, g(p)) until at(p) } else { π_high(μ, p) until p↓z > 0.15 }",
+        ),
+    ],
+    ids=["one way", "two ways"],
+)
+def test_what_is_done_to_the_only_one_of_its_type_is_no_loop(nodes: tuple[Node, ...], body: str) -> None:
+    assert gen_program(ROOT, evidence(BOTH), either(*nodes)) == program(f"p := get(λp:peg. true); {body}")
