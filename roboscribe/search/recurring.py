@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, uses_robot
-from roboscribe.dsl.syntax import Predicate, Truth
+from roboscribe.dsl.rewrite import free_vars, uses_robot, walk
+from roboscribe.dsl.syntax import Goal, Predicate, Truth
 from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
 from roboscribe.search.features import Feature
 from roboscribe.search.length import length
@@ -48,11 +48,17 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
         if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
+                telling = readings if _mentions_goal(feature) else [r for r in readings if not _mentions_goal(r[0])]
                 for sign in (1.0, -1.0):
-                    for only in (*all_of_them, *parting(sign * values, readings, pairs)):
+                    for only in (*all_of_them, *parting(sign * values, telling, pairs)):
                         found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, only)
                         if found is not None:
                             yield found
+
+
+def _mentions_goal(feature: Feature) -> bool:
+    """Whether a feature is about a goal; where an entity ends is told by its own goal whatever was done to it."""
+    return any(isinstance(part, Goal) for part in walk(feature.term))
 
 
 def _candidate(
