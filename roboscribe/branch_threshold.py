@@ -26,8 +26,8 @@ def left_behind(node: Node, crossings: Crossings, evidence: Evidence) -> Node:
         evidence: demonstrations.
 
     Returns:
-        The node as it is where φ is no bound on one number of the world, or where it comes last, or before others, in
-        all demonstrations.
+        The node as it is where φ is no bound on one number of the world, or where it comes last, or before others,
+        whenever ψ is reached.
 
     Departs: ψ holds as soon as the last of its branches is good enough, so whichever comes last stands at the very edge
         of what will do, and a threshold that fits all demonstrations is that loose. A program that turns to another
@@ -35,6 +35,8 @@ def left_behind(node: Node, crossings: Crossings, evidence: Evidence) -> Node:
     """
     phi = node.predicate
     if node.circular or uses_robot(phi) or not isinstance(phi, Less | Greater) or not isinstance(phi.right, Const):
+        return node
+    if not len(crossings.starts):
         return node
     sign = 1.0 if isinstance(phi, Less) else -1.0
     values = sign * evaluate(phi.left, crossings.frames, {}, evidence.layout)[..., 0]

@@ -69,3 +69,7 @@ def test_what_comes_in_one_order_stays_as_it_was_learned(last: int, earlier: int
 @pytest.mark.parametrize("other", [replace(PEG, circular=True), node("hold", HOLD, "p1")], ids=["loop", "robot"])
 def test_loops_and_what_is_about_the_robot_stay_as_they_were_learned(other: Node) -> None:
     assert left_behind(other, crossings(last=20, earlier=20), SHOWN) == other
+
+
+def test_what_is_never_shown_stays_as_it_was_learned() -> None:
+    assert left_behind(PEG, Crossings(np.empty((0, BOTH.layout.size)), np.empty(0, np.int64), ()), SHOWN) == PEG
