@@ -98,6 +98,32 @@ def P(μ : EE):
     π_hold(μ, b) until ‖μ↓xz − b↓xz‖ < 0.02
     π_right(μ, b, r) until ‖b↓xz − r↓xz‖ < 0.07
 """,
+    "sort-into-three": """
+def P(μ : EE):
+  l := get(λl:left. true)
+  m := get(λm:middle. true)
+  r := get(λr:right. true)
+  while (b := get(λb:block. b↓weight < 0.5 ∧ ¬(‖b↓xz − l↓xz‖ < 0.07))) ≠ null:
+    π_hold(μ, b) until ‖μ↓xz − b↓xz‖ < 0.02
+    π_left(μ, b, l) until ‖b↓xz − l↓xz‖ < 0.07
+  while (b := get(λb:block. b↓weight > 0.5 ∧ b↓weight < 1.5 ∧ ¬(‖b↓xz − m↓xz‖ < 0.07))) ≠ null:
+    π_hold(μ, b) until ‖μ↓xz − b↓xz‖ < 0.02
+    π_middle(μ, b, m) until ‖b↓xz − m↓xz‖ < 0.07
+  while (b := get(λb:block. b↓weight > 1.5 ∧ ¬(‖b↓xz − r↓xz‖ < 0.07))) ≠ null:
+    π_hold(μ, b) until ‖μ↓xz − b↓xz‖ < 0.02
+    π_right(μ, b, r) until ‖b↓xz − r↓xz‖ < 0.07
+""",
+    "left-or-right": """
+def P(μ : EE):
+  l := get(λl:left. true)
+  r := get(λr:right. true)
+  b := get(λb:block. true)
+  π_hold(μ, b) until ‖μ↓xz − b↓xz‖ < 0.02
+  if b↓colour < 0.5:
+    π_left(μ, b, l) until ‖b↓xz − l↓xz‖ < 0.07
+  else:
+    π_right(μ, b, r) until ‖b↓xz − r↓xz‖ < 0.07
+""",
     "clutter-all-but-one": """
 def P(μ : EE):
   b := get(λb:block. ¬(‖b↓xz − g(b)↓xz‖ < 0.02))

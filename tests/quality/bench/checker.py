@@ -47,7 +47,9 @@ def judge(task: KinematicTask, program: Program, rollouts: Rollouts) -> str:
         program: what was found.
         rollouts: the program at work on fresh seeds.
     """
-    if task.phase_order in ("fixed", "random"):
+    if all(phase.only and len(task.of_kind(phase.kind)) == 1 for phase in task.phases):
+        problem = judge_choice(task, program, rollouts)
+    elif task.phase_order in ("fixed", "random"):
         problem = judge_parts(task, program)
     else:
         problem = judge_conditions(task, program, rollouts)
@@ -181,6 +183,18 @@ def judge_guard(task: KinematicTask, phase: Phase, get: Get, types: dict[str, st
         return ""
     kind = "admits others than" if (admits & ~allowed).any() else "refuses some of"
     return f"the guard of the loop over {phase.kind} {kind} those whose turn it is ({phase.order})"
+
+
+def judge_choice(task: KinematicTask, program: Program, rollouts: Rollouts) -> str:
+    """Compare the one condition of a program with what decides which phase the only object of a kind goes through."""
+    tests = [node.test for node in walk(program) if isinstance(node, If)]
+    if len(tests) != 1:
+        return f"{len(tests)} conditions, expected one"
+    states, phase = np.stack([shown.states[0] for shown in rollouts.trajectories]), task.phases[0]
+    (entity,) = task.of_kind(phase.kind)
+    truth = _holds(task, _types(program), tests[0], states, phase.kind, entity)
+    agrees = float(np.mean(truth == task.member(states, phase, entity)))
+    return "" if max(agrees, 1.0 - agrees) >= ENOUGH else "the condition is not about what decides"
 
 
 def judge_conditions(task: KinematicTask, program: Program, rollouts: Rollouts) -> str:

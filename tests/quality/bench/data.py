@@ -99,7 +99,7 @@ class Phase:
         aims: what is done to each, in this order.
         order: who comes first: "any"; the nearest to the "hand" at each choice; or the least "goal z", "x", "weight"
             and the like; after a minus sign the greatest.
-        only: leaves out the others: "colour < 0.5" or "colour > 0.5".
+        only: leaves out the others: "colour < 0.5", or "colour > 0.3 and colour < 0.7".
         passing: what it achieves need not last to the end.
         shape: "loop" or "straight" or "either"; by default a loop where there are several objects.
         free: any order of the objects is right, though the demonstrations may seem to show one.
@@ -112,6 +112,11 @@ class Phase:
     passing: bool = False
     shape: str = ""
     free: bool = False
+
+    @property
+    def bounds(self) -> tuple[str, ...]:
+        """What `only` asks for, one comparison each."""
+        return tuple(self.only.split(" and ")) if self.only else ()
 
 
 @dataclass(frozen=True)

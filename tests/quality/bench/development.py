@@ -204,6 +204,34 @@ TASKS: tuple[KinematicTask, ...] = (
         ),
     ),
     KinematicTask(
+        "sort-into-three",
+        "own",
+        (
+            Kind("left", moves="fixed", goal=()),
+            Kind("middle", moves="fixed", goal=()),
+            Kind("right", moves="fixed", goal=()),
+            Kind("block", 4, goal=(), constants=("weight",)),
+        ),
+        (
+            Phase("block", (Aim("position", "inside", 0.1, "left"),), only="weight < 0.5"),
+            Phase("block", (Aim("position", "inside", 0.1, "middle"),), only="weight > 0.5 and weight < 1.5"),
+            Phase("block", (Aim("position", "inside", 0.1, "right"),), only="weight > 1.5"),
+        ),
+    ),
+    KinematicTask(
+        "left-or-right",
+        "conditions",
+        (
+            Kind("left", moves="fixed", goal=()),
+            Kind("right", moves="fixed", goal=()),
+            Kind("block", goal=(), constants=("colour",)),
+        ),
+        (
+            Phase("block", (Aim("position", "inside", 0.1, "left"),), only="colour < 0.5"),
+            Phase("block", (Aim("position", "inside", 0.1, "right"),), only="colour > 0.5"),
+        ),
+    ),
+    KinematicTask(
         "button-drawer-faucet-readings",
         "mug, drawer, faucet",
         (BUTTON, BARE_DRAWER, BARE_FAUCET),

@@ -58,6 +58,9 @@ def _ordered(
     task: KinematicTask, phases: tuple[Phase, ...], known: frozenset[tuple[str, str]], indent: str
 ) -> list[str]:
     """Write phases one after the other, under conditions on the goals or on a constant where their order varies."""
+    if len(phases) == 2 and all(phase.only and straight(task, phase) for phase in phases):
+        sides = [part(task, phase, f"{indent}  ") for phase in phases]
+        return _branches(_only(phases[0], _letter(task, phases[0].kind)), sides[0], sides[1], indent)
     if task.phase_order in ("fixed", "random"):
         return [line for phase in phases for line in part(task, phase, indent)]
     if not task.phase_order.startswith(("goal", "-goal")):
@@ -120,7 +123,7 @@ def guard(task: KinematicTask, phase: Phase, v: str) -> str:
 
 
 def _only(phase: Phase, v: str) -> str:
-    return f"{v}↓{phase.only}"
+    return " ∧ ".join(f"{v}↓{bound}" for bound in phase.bounds)
 
 
 def _before(task: KinematicTask, order: str, one: str, other: str) -> str:

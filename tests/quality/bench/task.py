@@ -139,11 +139,11 @@ class KinematicTask(Task):
 
     def member(self, states: FloatArray, phase: Phase, entity: int) -> BoolArray:
         """Whether a phase is about an entity."""
-        if not phase.only:
-            return np.ones(states.shape[:-1], dtype=np.bool_)
-        attribute, sign, value = phase.only.split()
-        mine = states[..., self.place(entity, attribute)][..., 0]
-        return np.asarray(mine < float(value) if sign == "<" else mine > float(value))
+        answer = np.ones(states.shape[:-1], dtype=np.bool_)
+        for attribute, sign, value in (bound.split() for bound in phase.bounds):
+            mine = states[..., self.place(entity, attribute)][..., 0]
+            answer &= mine < float(value) if sign == "<" else mine > float(value)
+        return answer
 
     def done(self, states: FloatArray, phase: Phase) -> BoolArray:
         """Whether a phase is over."""
