@@ -7,7 +7,7 @@ from pathlib import Path
 
 from roboscribe.dsl.replay import Moment
 from roboscribe.envs.panel import RecordedEpisode
-from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_grid, write_video
+from roboscribe.envs.render import SIZE, SLOW, film_grid, steps_per_picture, write_video
 from roboscribe.errors import DemonstrationError
 from roboscribe.io.demonstrations import Demonstrations
 from roboscribe.world.task import Task
@@ -41,7 +41,7 @@ def film_demonstrations(
     if not there:
         msg = f"demonstration {numbers[0]}: there are {len(shown.trajectories)}, numbered from 0"
         raise DemonstrationError(msg)
-    every = max(1, round(task.frequency / GIF_RATE)) if out.suffix.lower() == ".gif" else 1
+    every = steps_per_picture(task.frequency) if out.suffix.lower() == ".gif" else 1
     takes = [_take(shown.trajectories[number], task, number).thinned(every) for number in there]
     columns = min(columns, len(takes))
     frames = film_grid(task, takes, columns, SIZE)

@@ -13,8 +13,7 @@ from roboscribe.evidence import Crossings, Evidence
 from roboscribe.search.recurring import ARRIVING
 from roboscribe.search.thresholds import bound, usual_range
 from roboscribe.subtask_tree import Node
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from roboscribe.world.trajectory import AGREEMENT
+from roboscribe.world.trajectory import AGREEMENT, last_false
 
 
 def left_behind(node: Node, crossings: Crossings, evidence: Evidence) -> Node:
@@ -41,7 +40,8 @@ def left_behind(node: Node, crossings: Crossings, evidence: Evidence) -> Node:
     sign = 1.0 if isinstance(phi, Less) else -1.0
     values = sign * evaluate(phi.left, crossings.frames, {}, evidence.layout)[..., 0]
     last = crossings.starts + crossings.lengths - 1
-    left = _since(values < sign * phi.right.value, crossings.starts, last) < last - ARRIVING
+    undone = last_false(values < sign * phi.right.value, crossings.starts)
+    left = (undone < 0) | (undone + 1 < crossings.lengths - 1 - ARRIVING)
     if not 1.0 - AGREEMENT < float(np.mean(left)) < AGREEMENT:
         return node
     pos, at_first = values[last[left]], values[crossings.starts]
@@ -50,9 +50,3 @@ def left_behind(node: Node, crossings: Crossings, evidence: Evidence) -> Node:
     threshold, _ = bound(pos, at_first, float(np.std(values)), usual_range(values, numbers), numbers=numbers)
     sharper = sign * min(threshold, sign * phi.right.value)
     return replace(node, predicate=type(phi)(phi.left, Const(sharper)))
-
-
-def _since(truth: BoolArray, starts: IntArray, last: IntArray) -> IntArray:
-    """Return the frame (C,) since which something holds till each crossing's last one; the frame after it if not."""
-    frames: FloatArray = np.where(truth, -1, np.arange(len(truth)))
-    return np.array([frames[start : stop + 1].max() + 1 for start, stop in zip(starts, last, strict=True)], np.int64)

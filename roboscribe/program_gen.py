@@ -107,6 +107,8 @@ class _Writer:
         """Branches in the order in which the demonstrations finish them; conditions where that order has a reason."""
         parts: list[Statement] = []
         nodes = self.tree.predecessors(psi)
+        if not nodes:
+            return Seq()
         order = branch_order(self.evidence, nodes)
         crossings = self.evidence.crossings(self.tree, psi)
         for group in order.groups:

@@ -14,7 +14,7 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.observer import Arrivals, Observer
 from roboscribe.dsl.replay import replay
 from roboscribe.envs.panel import RecordedEpisode
-from roboscribe.envs.render import GIF_RATE, SIZE, SLOW, film_episode, film_grid, write_video
+from roboscribe.envs.render import SIZE, SLOW, film_episode, film_grid, steps_per_picture, write_video
 from roboscribe.evaluation import PURPOSE, episode_seeds
 from roboscribe.runnable import Runnable
 from roboscribe.stages.runtime import cli
@@ -112,7 +112,7 @@ def film(
         The file written, a GIF where no encoder is found.
     """
     how = how or FilmOptions()
-    every = how.every * (max(1, round(task.frequency / GIF_RATE)) if out.suffix.lower() == ".gif" else 1)
+    every = how.every * (steps_per_picture(task.frequency) if out.suffix.lower() == ".gif" else 1)
     shown = [take.thinned(every) for take in shown]
     one = how.columns == how.rows == 1
     frames = (
@@ -133,7 +133,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
     task = config.task.make()
     program = read_runnable(inputs, task, config.confirm)
     shown = record_episodes(program, task, [0], episode_seeds(config.seed, PURPOSE, 1))
-    every = max(1, round(task.frequency / GIF_RATE))  # drawing takes longer than simulating
+    every = steps_per_picture(task.frequency)  # drawing takes longer than simulating
     film(program, task, shown, out / VIDEO, FilmOptions(every=every))
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 MISSING = "no OpenGL for pictures of the robot (Debian packages: libegl1 or libosmesa6); drawing a schematic instead"
 SHADOWS = 1024
-"""Texels along each side of a shadow map; MuJoCo's own 4096 take 40 % of a picture where no graphics card draws it."""
+"""Texels along each side of a shadow map; MuJoCo's own 4096 take long where no graphics card draws."""
 log = logging.getLogger(__name__)
 
 

@@ -234,7 +234,7 @@ def _write_mp4(frames: Iterable[Frame], out: Path, frequency: float) -> Path:
 
 def _write_gif(frames: Iterable[Frame], out: Path, frequency: float) -> Path:
     """Write a GIF, smaller and with fewer frames where it would be too large; what stays the same is stored once."""
-    every = max(1, round(frequency / GIF_RATE))
+    every = steps_per_picture(frequency)
     images = [_shrunk(frame) for index, frame in enumerate(frames) if index % every == 0]
     palette = _palette(images)
     drawn = [np.asarray(image.quantize(palette=palette, dither=Image.Dither.NONE)) for image in images]
@@ -243,6 +243,11 @@ def _write_gif(frames: Iterable[Frame], out: Path, frequency: float) -> Path:
     duration = round(1000 * every / frequency)
     first.save(out, save_all=True, append_images=others, duration=duration, loop=0, transparency=CLEAR, disposal=1)
     return out
+
+
+def steps_per_picture(frequency: float) -> int:
+    """Return how many control steps pass between two pictures at `GIF_RATE`, in a world of so many steps a second."""
+    return max(1, round(frequency / GIF_RATE))
 
 
 def _shrunk(frame: Frame) -> Image.Image:

@@ -348,11 +348,12 @@ def judge(it: Judged, samples: Samples) -> Candidate:
 
 def _standing(phi: Predicate, samples: Samples, *, of_robot: bool) -> int:
     """Say how likely what φ is about comes next, see `Candidate`."""
-    about_goal = of_robot and any(isinstance(part, Goal) for part in walk(phi))
-    if samples.afterwards and (isinstance(phi, Exists) or about_goal):  # a goal is left with what lies there by now
-        return 3
-    if samples.afterwards and of_robot == bool(free_vars(phi)):
-        return 2
+    if samples.afterwards:
+        about_goal = of_robot and any(isinstance(part, Goal) for part in walk(phi))
+        if isinstance(phi, Exists) or about_goal:  # a goal is left with what lies there by now
+            return 3
+        if of_robot == bool(free_vars(phi)):
+            return 2
     return int(bool(samples.anchors) and of_robot)
 
 

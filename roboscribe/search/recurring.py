@@ -19,7 +19,7 @@ from roboscribe.search.length import length
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
 from roboscribe.search.thresholds import ball, bits, bound, too_fine, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
-from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true
+from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true, last_false
 
 ARRIVING = 2
 """Frames before ψ_R first holds within which something arrives for it: where it lies is measured at the last two."""
@@ -89,7 +89,7 @@ def _candidate(
     reached = first <= (pairs.lasts - pairs.starts)[:, None]
     missing = (~reached).sum(axis=1)
     late = (first > 0) & reached
-    if np.mean(missing < len(pairs.members)) < AGREEMENT or np.mean(missing <= 1) < AGREEMENT:
+    if np.mean(missing <= min(1, len(pairs.members) - 1)) < AGREEMENT:
         return None
     meant = np.isfinite(values[:, pairs.starts]).any(axis=0)
     if np.mean(late.any(axis=1)[meant]) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
@@ -145,7 +145,7 @@ def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
     The one that was served last is still being served when a demonstration ends at once, so it may be further off; not
     where something else is done after it.
     """
-    since = np.stack([_last_false(row <= threshold, pairs) for row in values])
+    since = np.stack([last_false(row <= threshold, pairs.starts) for row in values])
     arriving = since >= pairs.lasts - pairs.starts - ARRIVING
     settled: BoolArray = (since >= 0) & ((since < since.max(axis=0)) | ~arriving)
     return settled
@@ -163,12 +163,6 @@ def _last_step(values: FloatArray, extreme: float, pairs: Pairs) -> float:
         if 0 < step < NEVER
     ]
     return float(np.median(arrivals)) - extreme if arrivals else 0.0
-
-
-def _last_false(truth: BoolArray, pairs: Pairs) -> IntArray:
-    """Last frame of each demonstration on which something is not so, counted from its start, -1 if none, (D,)."""
-    parts = np.split(truth, pairs.starts[1:])
-    return np.array([int(np.flatnonzero(~part)[-1]) if not part.all() else -1 for part in parts], dtype=np.int64)
 
 
 def _one_by_one(first: IntArray, late: BoolArray) -> bool:

@@ -54,9 +54,14 @@ def first_true(truth: BoolArray, starts: IntArray) -> IntArray:
     return np.where(step < ends, step - starts, NEVER).astype(np.int64)
 
 
+def last_false(truth: BoolArray, starts: IntArray) -> IntArray:
+    """Last false frame of each part of `truth` (S,), counted from where it starts, (C,); -1 where there is none."""
+    undone, ends = np.flatnonzero(~truth), np.append(starts[1:], len(truth))
+    last = np.append(-1, undone)[np.searchsorted(undone, ends)]
+    return np.where(last >= starts, last - starts, -1).astype(np.int64)
+
+
 def restored(truth: BoolArray, starts: IntArray) -> IntArray:
     """As `first_true`, but what holds at first, is undone and holds in the end counts from where it holds again."""
-    first, ends = first_true(truth, starts), np.append(starts[1:], len(truth))
-    undone = np.flatnonzero(~truth)
-    last = np.append(-1, undone)[np.searchsorted(undone, ends)]
-    return np.where((first == 0) & (last >= starts) & (last < ends - 1), last + 1 - starts, first).astype(np.int64)
+    first, last, lengths = first_true(truth, starts), last_false(truth, starts), np.diff(np.append(starts, len(truth)))
+    return np.where((first == 0) & (last >= 0) & (last < lengths - 1), last + 1, first).astype(np.int64)
