@@ -7,7 +7,7 @@ the program binds them; untouched ones come last, in their own order.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -41,16 +41,27 @@ def first_displacements(trajectory: Trajectory) -> IntArray:
     """
     layout = trajectory.layout
     first = np.full(len(layout.entities), len(trajectory), dtype=np.int64)
+    for members, _, change, least in _changes(trajectory):
+        moved = change > least
+        step = np.where(moved.any(axis=1), moved.argmax(axis=1), len(trajectory))
+        first[members] = np.minimum(first[members], step)
+    return first
+
+
+def _changes(trajectory: Trajectory) -> Iterator[tuple[list[int], str, FloatArray, float]]:
+    """Yield the attributes that a demonstration changes by more than a touch.
+
+    Of each: the entities of a type, its name, how far (N, T) it is from where it is at first, and the least change that
+    counts.
+    """
+    layout = trajectory.layout
     for kind in layout.types.values():
-        members = layout.of_type(kind.name)
+        members = list(layout.of_type(kind.name))
         for attribute in (a for a in kind.attributes if a.is_place):
             change = np.stack([_change(trajectory.states, layout, i, attribute.name) for i in members])
-            largest = change.max()
-            if largest > 0.0 and _worth_noticing(attribute.unit, float(largest)):
-                moved = change > _MOVED * largest
-                step = np.where(moved.any(axis=1), moved.argmax(axis=1), len(trajectory))
-                first[list(members)] = np.minimum(first[list(members)], step)
-    return first
+            largest = float(change.max())
+            if largest > 0.0 and _worth_noticing(attribute.unit, largest):
+                yield members, attribute.name, change, _MOVED * largest
 
 
 class Movements:
@@ -64,17 +75,14 @@ class Movements:
 
     def __init__(self, trajectory: Trajectory) -> None:
         """Measure how far everything goes."""
-        layout = trajectory.layout
-        self._states, self._count = trajectory.states, len(layout.entities)
-        self._least: list[tuple[int, slice, float]] = []
+        columns = trajectory.layout.columns
+        self._states, self._count = trajectory.states, len(trajectory.layout.entities)
+        self._least = [
+            (entity, columns[entity, name, False], least)
+            for members, name, _, least in _changes(trajectory)
+            for entity in members
+        ]
         """Entities, the columns of one of their attributes, and the least change of it that counts."""
-        for kind in layout.types.values():
-            members = layout.of_type(kind.name)
-            for attribute in (a for a in kind.attributes if a.is_place):
-                largest = max(float(_change(self._states, layout, e, attribute.name).max()) for e in members)
-                if largest > 0.0 and _worth_noticing(attribute.unit, largest):
-                    columns = ((e, layout.columns[e, attribute.name, False]) for e in members)
-                    self._least += [(e, place, _MOVED * largest) for e, place in columns]
 
     def attended_from(self, start: int, stop: int, entities: Sequence[int], known: Collection[int]) -> int:
         """Return the frame from which on a part of the demonstration is about some entities.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from tests.quality.bench.data import Aim, Kind, Phase
 
 TURN = Aim("angle")
@@ -25,6 +27,7 @@ BARE_FAUCET = Kind("faucet", moves="turns", goal=())
 MUG = Kind("mug")
 BARE_MUG = Kind("mug", goal=())
 COASTER = Kind("coaster", moves="fixed", goal=())
+LEFT, MIDDLE, RIGHT = (Kind(name, moves="fixed", goal=()) for name in ("left", "middle", "right"))
 LAMP = Kind("lamp", moves="fixed", goal=(), constants=("lit",))
 
 SERVE_BLOCKS = Phase("block")
@@ -34,3 +37,7 @@ OPEN = Phase("drawer", (OPENED,))
 PUSH_BUTTON = Phase("button", (PRESS,))
 TURN_FAUCET = Phase("faucet", (TURN,))
 MUG_ON_COASTER = Phase("mug", (Aim("position", "inside", 0.06, "coaster"),))
+INTO_LEFT, INTO_MIDDLE, INTO_RIGHT = (
+    Phase("block", (Aim("position", "inside", 0.1, tray.name),)) for tray in (LEFT, MIDDLE, RIGHT)
+)
+BY_COLOUR = (replace(INTO_LEFT, only="colour < 0.5"), replace(INTO_RIGHT, only="colour > 0.5"))
