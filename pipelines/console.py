@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, assert_never
 
@@ -63,7 +64,7 @@ class SynthesisConsole(ProgressBar):
                 for report in reports:
                     self.say(f"  {training_line(report)}")
             case RolledOut(goal, counts, _):
-                self.say(f"  {self._tried} reached {goal} in {counts['successes']} of {counts['episodes']} episodes")
+                self.say(f"  {self._tried} reached {goal} in {tried_line(counts)}")
             case Refined() | Abandoned() | Retrained() | Removed():
                 self._decided(event)
             case Failed(reason):
@@ -138,6 +139,13 @@ def ranked_table(candidates: Iterable[Candidate]) -> Table:
         shares = (f"{c.accepted:.1%}", f"{c.first:.0%}", f"{c.kept:.0%}", f"{c.initial:.0%}", f"{c.margin:.2f}")
         table.add_row(str(rank), Text(text(c.predicate) + _those(c.only)), *shares)
     return table
+
+
+def tried_line(counts: Mapping[str, Any]) -> str:
+    """Say in how many episodes a program reached its goal, and where most of the others were stuck."""
+    line = f"{counts['successes']} of {counts['episodes']} episodes"
+    stuck, count = next(iter(Counter(counts.get("unreached", [])).most_common(1)), ("", 0))
+    return f"{line}; {count} of the others did not get beyond π_{stuck}" if stuck and count > 1 else line
 
 
 def training_line(report: Mapping[str, Any]) -> str:

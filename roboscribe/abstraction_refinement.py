@@ -67,7 +67,8 @@ def synthesize(
         the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
         ψ_R, and ψ_R decides; the latter are trained on before, and given up where they are never reached. What
         a loop is to bring about for every entity is not attempted before something precedes it: the attempt on ψ_R has
-        shown that it does not come about by itself.
+        shown that it does not come about by itself. Where most failing episodes were stuck at an earlier subgoal, that
+        one is refined first: nothing that is learned about ψ helps them.
     """
     if blind is not None and tree.node(psi).circular and not tree.predecessors(psi):
         refined = line.refine(blind, tree, psi)
@@ -86,11 +87,22 @@ def synthesize(
     likely = line.limits.undecided(outcome) if psi == ROOT else outcome.rate >= PROMISING
     if line.limits.met(outcome) or (likely and line.goes_on()):
         return solution
-    failures = outcome.failures if blind is None or tree.predecessors(psi) else blind
-    refined = line.refine(failures, tree, psi)
+    blind = outcome.failures() if blind is None else blind
+    refined = _refine(psi, solution, line, blind)
     if isinstance(refined, Fail):
         return _unexplained(psi, solution, refined, line, tried=likely)
-    return _through(psi, refined, skills, line, failures if blind is None else blind)
+    return _through(psi, refined, skills, line, blind)
+
+
+def _refine(psi: str, found: Solution[Skills], line: Line[Skills], blind: FloatArray) -> tuple[Refinement, Tree] | Fail:
+    """Refine what stands in the way of ψ: an earlier subgoal that most failing episodes were stuck at, else ψ."""
+    tree, outcome, earlier = found.tree, found.outcome, found.outcome.stuck_at
+    if earlier in {node.name for node in tree.nodes} - {psi}:
+        failures = outcome.failures(earlier) if tree.predecessors(earlier) else blind
+        refined = line.refine(failures, tree, earlier, optional=True)
+        if line.exhausted or not isinstance(refined, Fail):
+            return refined
+    return line.refine(outcome.failures() if tree.predecessors(psi) else blind, tree, psi)
 
 
 def _unexplained(
@@ -120,15 +132,16 @@ def _unexplained(
 def _through(
     psi: str, refined: tuple[Refinement, Tree], skills: Skills, line: Line[Skills], blind: FloatArray
 ) -> Solution[Skills] | Fail:
-    """Reach the new subgoal, then ψ; Algorithm 2, lines 12 and 13."""
+    """Reach the new subgoal, what it leads to, then ψ; Algorithm 2, lines 12 and 13."""
     refinement, tree = refined
-    subgoal = synthesize(refinement.node.name, tree, skills, line, blind)
-    if isinstance(subgoal, Fail):
-        return subgoal
-    goal = synthesize(psi, subgoal.tree, subgoal.skills, line, blind)
-    if isinstance(goal, Fail):
-        return goal
-    return replace(goal, refinements=(refinement, *subgoal.refinements, *goal.refinements))
+    reached = synthesize(refinement.node.name, tree, skills, line, blind)
+    refinements: tuple[Refinement, ...] = (refinement,)
+    for goal in dict.fromkeys((refinement.psi, psi)):
+        if isinstance(reached, Fail):
+            return reached
+        refinements = (*refinements, *reached.refinements)
+        reached = synthesize(goal, reached.tree, reached.skills, line, blind)
+    return reached if isinstance(reached, Fail) else replace(reached, refinements=(*refinements, *reached.refinements))
 
 
 def shortest(found: Solution[Skills], steps: Steps[Skills], limits: Limits) -> Solution[Skills]:

@@ -143,16 +143,26 @@ class Line(Generic[Skills]):
 
     def goes_on(self) -> bool:
         """Whether a subgoal that is reached often, but not often enough, is taken as it is."""
+        return self._first_of_two()
+
+    def _first_of_two(self) -> bool:
         rank = self._choose()
         if rank == 0:
             self._leave_open(IN_KIND)
         return rank == 0
 
-    def refine(self, failures: FloatArray, tree: Tree, psi: str) -> tuple[Refinement, Tree] | Fail:
-        """LEARNCLASSIFIER, UPDATETREE and VALIDATE: the subgoal at this line's rank among those that can be right."""
+    def refine(
+        self, failures: FloatArray, tree: Tree, psi: str, *, optional: bool = False
+    ) -> tuple[Refinement, Tree] | Fail:
+        """LEARNCLASSIFIER, UPDATETREE and VALIDATE: the subgoal at this line's rank among those that can be right.
+
+        Where that is `optional`, other lines go on without it.
+        """
         options = self._once(lambda: self._options(failures, tree, psi))
         if isinstance(options, Fail):
             return options
+        if optional and not self._first_of_two():
+            return Fail(f"{psi} is not refined along this line")
         rank = self._choose()
         refined = self._once(lambda: self._refined(options, rank))
         if isinstance(refined, Fail):

@@ -100,7 +100,7 @@ def try_program(
     seeds = trial_seeds(seed, goal, LONGEST_TRIAL * episodes)
     successes = 0
     for start in range(0, len(seeds), episodes):
-        if start and (limits is None or not limits.doubtful(Outcome(successes, start, np.empty((0, 0))))):
+        if start and (limits is None or not limits.doubtful(Outcome(successes, start))):
             return
         for rollouts in waves(program, task, seeds[start : start + episodes], goal, watch(episodes)):
             successes += int(rollouts.success.sum())

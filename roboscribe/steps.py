@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import sqrt
@@ -36,6 +37,20 @@ def wilson(successes: int, episodes: int, z: float = Z95) -> tuple[float, float]
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
+@dataclass(frozen=True, eq=False)
+class Failure:
+    """One failing episode.
+
+    Args:
+        states: (T, F), entities named in the order of their binding; where the episode failed within a loop, only
+            those in which the loop served the entity that it failed at, first named. None where physics broke.
+        unreached: subgoal that was not reached when the episode ended; "" where the program was over.
+    """
+
+    states: FloatArray
+    unreached: str = ""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What Exec(M, P) showed for one program and goal.
@@ -43,13 +58,23 @@ class Outcome:
     Args:
         successes: episodes that reached the goal.
         episodes: episodes run.
-        failures: (M, F), N_s: states of the failing episodes, entities named in the order of their binding; where an
-            episode fails within a loop, only those in which the loop served the entity that it failed at, first named.
+        lost: the others.
     """
 
     successes: int
     episodes: int
-    failures: FloatArray
+    lost: tuple[Failure, ...] = ()
+
+    @property
+    def stuck_at(self) -> str:
+        """Subgoal that was not reached in most of the failing episodes; "" where there is no such one."""
+        counts = Counter(each.unreached for each in self.lost)
+        return next((name for name, count in counts.items() if 2 * count > len(self.lost)), "")
+
+    def failures(self, unreached: str | None = None) -> FloatArray:
+        """Return N_s, (M, F): states of the failing episodes, or of those alone that were stuck at a subgoal."""
+        lost = [each.states for each in self.lost if unreached in (None, each.unreached)]
+        return np.concatenate(lost) if lost else np.empty((0, 0))
 
     @property
     def rate(self) -> float:
@@ -68,29 +93,30 @@ class Outcome:
     @classmethod
     def of(cls, rollouts: Rollouts) -> Outcome:
         """Read rollouts; a diverged episode is a failure whose states are left out."""
-        failed = np.flatnonzero(~rollouts.success & ~rollouts.diverged)
-        lost = [_failing_states(rollouts, int(episode)) for episode in failed]
-        failures = np.concatenate(lost) if lost else np.empty((0, rollouts.layout.size))
-        return cls(int(rollouts.success.sum()), len(rollouts.success), failures)
+        lost = tuple(_failure(rollouts, int(episode)) for episode in np.flatnonzero(~rollouts.success))
+        return cls(int(rollouts.success.sum()), len(rollouts.success), lost)
 
     @classmethod
     def total(cls, parts: Iterable[Outcome]) -> Outcome:
         """Add up what was run in parts, at least one."""
         each = list(parts)
-        failures = np.concatenate([part.failures for part in each])
-        return cls(sum(part.successes for part in each), sum(part.episodes for part in each), failures)
+        lost = tuple(failure for part in each for failure in part.lost)
+        return cls(sum(part.successes for part in each), sum(part.episodes for part in each), lost)
 
 
-def _failing_states(rollouts: Rollouts, episode: int) -> FloatArray:
-    """States in which a failing episode was at what it failed at, with the entity that a loop served named first."""
+def _failure(rollouts: Rollouts, episode: int) -> Failure:
+    """Keep the states in which an episode was at what it failed at, the entity that a loop served named first."""
     layout, states = rollouts.layout, rollouts.trajectories[episode].states
+    if rollouts.diverged[episode]:
+        return Failure(states[:0])
     bound = list(rollouts.bound[episode])
     served = rollouts.served[episode] if rollouts.served else np.empty(0, dtype=np.int64)
     if len(served) and served[-1] != NULL:
         entity = int(served[-1])
         bound = [entity, *(e for e in bound if e != entity)]
         states = states[1:][served == entity]
-    return layout.permute(states, by_binding(layout, bound))
+    unreached = rollouts.unreached[episode] if rollouts.unreached else ""
+    return Failure(layout.permute(states, by_binding(layout, bound)), unreached)
 
 
 @dataclass(frozen=True)

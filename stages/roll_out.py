@@ -6,7 +6,6 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from roboscribe.abstraction_refinement import Outcome
 from roboscribe.defaults import CONFIRM, ROLLOUT_EPISODES
 from roboscribe.evaluation import Endings, episode_table, summary, trial_seeds, try_program
 from roboscribe.io.atomic import write_file
@@ -14,10 +13,10 @@ from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_runnable
 from roboscribe.stages.runtime.files import EPISODES, FAILURES, OUTCOME, write_json
 from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
-from roboscribe.stages.runtime.serialization import failures_bytes
+from roboscribe.stages.runtime.serialization import lost_bytes
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
-from roboscribe.steps import Limits
+from roboscribe.steps import Limits, Outcome
 from roboscribe.subtask_tree import ROOT
 
 
@@ -65,12 +64,12 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
             lambda count: episode_progress(label, count, report),
         )
     )
-    failures = Outcome.total(map(Outcome.of, done)).failures
-    write_file(out / FAILURES, failures_bytes(failures))
+    outcome = Outcome.total(map(Outcome.of, done))
+    write_file(out / FAILURES, lost_bytes(outcome))
     ended = [Endings.of(rollouts) for rollouts in done]
     seeds = trial_seeds(config.seed, config.goal, sum(len(each.success) for each in ended))
     write_json(out / EPISODES, episode_table(ended, seeds))
-    write_json(out / OUTCOME, summary(ended))
+    write_json(out / OUTCOME, {**summary(ended), "unreached": [each.unreached for each in outcome.lost]})
 
 
 STAGE = Stage("roll_out", Config, run)

@@ -11,11 +11,12 @@ from roboscribe.classifier import Refinement
 from roboscribe.dsl.syntax import Program, Seq
 from roboscribe.errors import Fail
 from roboscribe.search.candidates import Candidate
-from roboscribe.steps import Decision, Outcome, Steps
+from roboscribe.steps import Decision, Failure, Outcome, Steps
 from roboscribe.subtask_tree import ROOT, Node, Tree, update_tree
 from roboscribe.world.layout import FloatArray
 
 EPISODES = 20
+LOST = (Failure(np.zeros((1, 2))),)
 MOST_DECISIONS = 1000
 """No story has so many."""
 
@@ -50,6 +51,7 @@ class Story:
         lessons: by goal, the subgoals that its failures suggest, best first; those that are there already are skipped.
         invalid: by subgoal, why no tree with it can be right.
         unwritable: by subgoal, why no program has it.
+        stuck: by goal and subgoals there are, the subgoal that the failing episodes were stuck at.
         explained: by all subgoals there are, how many of 20 demonstrations the program explains; all if not listed.
     """
 
@@ -57,6 +59,7 @@ class Story:
     lessons: Mapping[str, Sequence[Node] | Fail] = field(default_factory=dict)
     invalid: Mapping[str, Fail] = field(default_factory=dict)
     unwritable: Mapping[str, Fail] = field(default_factory=dict)
+    stuck: Mapping[tuple[str, str], str] = field(default_factory=dict)
     explained: Mapping[str, int] = field(default_factory=dict)
     asked: list[tuple[str, str]] = field(default_factory=list)
     classified: list[tuple[str, str]] = field(default_factory=list)
@@ -95,7 +98,9 @@ class Story:
 
     def outcome(self, program: Program, goal: str) -> Outcome:
         """Read how an attempt ends."""
-        return Outcome(self.successes.get((goal, " ".join(_parts(program))), 0), EPISODES, np.zeros((1, 2)))
+        attempt = goal, " ".join(_parts(program))
+        lost = tuple(replace(each, unreached=self.stuck.get(attempt, "")) for each in LOST)
+        return Outcome(self.successes.get(attempt, 0), EPISODES, lost)
 
     def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:
         """Learn from a failed attempt."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
@@ -13,7 +12,7 @@ from roboscribe.errors import Fail
 from roboscribe.steps import Outcome, Removed
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from tests.handmade import AT, HOLD, node
-from tests.story import Story, root
+from tests.story import LOST, Story, root
 
 HOLD1, AT1, LOOP1 = node("hold", HOLD, "b1"), node("at", AT, "b1"), node("at", AT, "b1", circular=True)
 OTHER = node("other", AT, "c1")
@@ -80,7 +79,7 @@ def test_it_is_trained_on_as_long_as_that_makes_it_better() -> None:
 
     def roll_out(program: Program, goal: str, skills: int) -> Outcome:
         told = story.roll_out(program, goal, skills)
-        return Outcome(reached[skills], 20, told.failures) if goal == "at" else told
+        return Outcome(reached[skills], 20, told.lost) if goal == "at" else told
 
     answer = roboscribe(replace(story.steps(), roll_out=roll_out), 0, Limits())
     assert isinstance(answer, Solution)
@@ -137,6 +136,33 @@ def test_refinements_are_counted_across_the_whole_recursion() -> None:
 
 
 TWO_STEPS = {("at", "at"): 20, ("other", "at other"): 20, **root(20, "at other")}
+
+
+HELPED = {("at", "at"): 12, ("hold", "at hold"): 20, ("at", "at hold"): 20, **root(20, "at hold")}
+
+
+def test_an_earlier_subgoal_that_episodes_are_stuck_at_is_refined_before_the_goal() -> None:
+    """What failures at ψ_R teach is not asked for while they end before anything leads to ψ_R."""
+    lessons = {ROOT: [AT1, OTHER], "at": [HOLD1]}
+    story = Story({**HELPED, **root(12, "at")}, lessons, stuck={(ROOT, "at"): "at"})
+    answer = solved(story)
+    assert names(answer.tree) == ["at", "hold"]
+    assert [(r.psi, r.node.name) for r in answer.refinements] == [(ROOT, "at"), ("at", "hold")]
+    assert story.classified == [(ROOT, ""), ("at", "at")]
+
+
+def test_where_that_does_not_help_the_goal_is_refined() -> None:
+    lessons = {ROOT: [AT1, OTHER], "at": [HOLD1]}
+    rates = {**HELPED, **root(9, "at"), **root(2, "at hold"), ("other", "at other"): 20, **root(20, "at other")}
+    answer = solved(Story(rates, lessons, stuck={(ROOT, "at"): "at"}))
+    assert names(answer.tree) == ["at", "other"]
+
+
+def test_where_nothing_explains_what_episodes_are_stuck_at_the_goal_is_refined_at_once() -> None:
+    rates = {("at", "at"): 12, **root(12, "at"), ("other", "at other"): 20, **root(20, "at other")}
+    story = Story(rates, {ROOT: [AT1, OTHER]}, stuck={(ROOT, "at"): "at"})
+    assert names(solved(story).tree) == ["at", "other"]
+    assert story.asked.count(("at", "at")) == 1
 
 
 def test_a_subgoal_that_does_not_help_is_removed() -> None:
@@ -201,7 +227,7 @@ def test_an_atom_that_does_not_help_is_removed() -> None:
 def test_an_atom_without_which_less_is_solved_stays() -> None:
     both = replace(AT1, predicate=And(HOLD1.predicate, AT1.predicate))
     story = Story({("at", "at"): 20, **root(20, "at")}, {ROOT: [both]})
-    steps = replace(story.steps(), check=lambda program, goal, skills: Outcome(12, 20, np.zeros((0, 2))))
+    steps = replace(story.steps(), check=lambda program, goal, skills: Outcome(12, 20))
     answer = roboscribe(steps, 0, Limits())
     assert isinstance(answer, Solution)
     assert answer.removed == ()
@@ -223,7 +249,7 @@ def test_a_short_attempt_decides_whether_a_subgoal_helps() -> None:
 
 def test_what_a_short_attempt_lets_pass_the_usual_episodes_may_keep() -> None:
     story = Story({**TWO_STEPS, **root(18, "other")}, {ROOT: [AT1, OTHER]})
-    steps = replace(story.steps(), check=lambda program, goal, skills: Outcome(20, 20, np.zeros((0, 2))))
+    steps = replace(story.steps(), check=lambda program, goal, skills: Outcome(20, 20))
     answer = roboscribe(steps, 0, Limits())
     assert isinstance(answer, Solution)
     assert answer.removed == ()
@@ -244,7 +270,7 @@ def test_controllers_that_became_worse_are_not_kept(later: int) -> None:
 
     def roll_out(program: Program, goal: str, skills: int) -> Outcome:
         kept.append((goal, skills))
-        return Outcome(next(tries), 20, np.zeros((1, 2))) if goal == "at" else story.roll_out(program, goal, skills)
+        return Outcome(next(tries), 20, LOST) if goal == "at" else story.roll_out(program, goal, skills)
 
     kept: list[tuple[str, int]] = []
     answer = roboscribe(replace(story.steps(), roll_out=roll_out), 0, Limits(programs=4))

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import TaskError
-from roboscribe.steps import Limits, Outcome
+from roboscribe.steps import Failure, Limits, Outcome
 from roboscribe.world.layout import NULL, FloatArray
 from roboscribe.world.trajectory import Trajectory
 
@@ -18,7 +20,7 @@ NO_STATES = np.empty((0, LAYOUT.size))
 
 def outcome(successes: int, episodes: int = 20) -> Outcome:
     """Build an outcome."""
-    return Outcome(successes, episodes, NO_STATES)
+    return Outcome(successes, episodes)
 
 
 def rollouts(
@@ -107,25 +109,40 @@ def test_failures_are_named_by_binding_and_broken_episodes_left_out() -> None:
     ran = rollouts(outside, [(0,), (2, 0), (1,)], [True, False, False], [False, False, True])
     found = Outcome.of(ran)
     assert (found.successes, found.episodes) == (1, 3)
-    assert np.array_equal(found.failures, failures(ran, 1, slice(None), (2, 0, 1)))
+    assert np.array_equal(found.failures(), failures(ran, 1, slice(None), (2, 0, 1)))
 
 
 def test_a_loop_fails_at_the_entity_that_it_served_last_which_is_named_first() -> None:
     """Block 1 was placed in steps 1 and 2; block 2 was to be placed in steps 3 to 5, and never was."""
     ran = rollouts([[1, 1, 2, 2, 2]], [(1, 2)], [False])
-    assert np.array_equal(Outcome.of(ran).failures, failures(ran, 0, slice(3, 6), (2, 1, 0)))
+    assert np.array_equal(Outcome.of(ran).failures(), failures(ran, 0, slice(3, 6), (2, 1, 0)))
 
 
 def test_an_entity_that_is_served_again_fails_in_both_visits() -> None:
     ran = rollouts([[2, 1, 2]], [(2, 1)], [False])
     both = np.concatenate([failures(ran, 0, slice(1, 2), (2, 1, 0)), failures(ran, 0, slice(3, 4), (2, 1, 0))])
-    assert np.array_equal(Outcome.of(ran).failures, both)
+    assert np.array_equal(Outcome.of(ran).failures(), both)
 
 
 def test_what_fails_after_a_loop_shows_the_whole_episode() -> None:
     ran = rollouts([[1, 1, NULL, NULL]], [(1,)], [False])
-    assert np.array_equal(Outcome.of(ran).failures, failures(ran, 0, slice(None), (1, 0, 2)))
+    assert np.array_equal(Outcome.of(ran).failures(), failures(ran, 0, slice(None), (1, 0, 2)))
 
 
 def test_where_nothing_fails_there_are_no_failures() -> None:
-    assert Outcome.of(rollouts([[NULL]], [()], [True])).failures.shape == (0, LAYOUT.size)
+    assert Outcome.of(rollouts([[NULL]], [()], [True])).lost == ()
+
+
+def test_most_failing_episodes_may_be_stuck_at_the_same_subgoal() -> None:
+    lost = [Failure(np.full((2, 3), rank), name) for rank, name in enumerate(("at", "hold", "at", ""))]
+    assert Outcome(1, 4, tuple(lost[:3])).stuck_at == "at"
+    assert Outcome(0, 4, tuple(lost)).stuck_at == "", "half of them are not most"
+    assert Outcome(4, 4).stuck_at == ""
+    found = Outcome(0, 4, tuple(lost))
+    assert np.array_equal(found.failures("at")[:, 0], [0, 0, 2, 2])
+    assert len(found.failures()) == 8
+
+
+def test_episodes_tell_what_they_were_stuck_at() -> None:
+    ran = replace(rollouts([[NULL], [NULL]], [(), ()], [False, False], [False, True]), unreached=("at", "at"))
+    assert [(len(each.states), each.unreached) for each in Outcome.of(ran).lost] == [(2, "at"), (0, "")]

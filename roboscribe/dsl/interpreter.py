@@ -121,12 +121,13 @@ def execute(
     recorder = Recorder(
         task.layout, rows, task.horizon if horizon is None else horizon, task.action_size * keep_actions
     )
+    names = tuple(run.controller for run in runs_of(program))
     crew = [
         (at_work(controllers[run.controller], rows) if run.controller in controllers else None, len(run_variables(run)))
         for run in runs_of(program)
     ]
     drawn, looks_on = np.asarray(seeds, dtype=np.int64), observer or Observer()
-    return _Execution(drawn, task, task.world(rows), machine, recorder, crew, until_end, looks_on).run()
+    return _Execution(drawn, task, task.world(rows), machine, recorder, crew, names, until_end, looks_on).run()
 
 
 def at_work(controller: Controller, batch: int) -> Memory:
@@ -144,6 +145,7 @@ class _Execution:
     machine: Machine
     recorder: Recorder
     crew: list[tuple[Memory | None, int]]
+    names: tuple[str, ...]
     until_end: bool
     observer: Observer
 
@@ -216,7 +218,9 @@ class _Execution:
 
     def _finish(self, rows: IntArray, success: BoolArray) -> None:
         for row, solved in zip(rows.tolist(), success.tolist(), strict=True):
-            episode = self.recorder.cut(row, solved, bool(self._diverged[row]), self.machine.bound[row])
+            diverged, line = bool(self._diverged[row]), int(self.machine.run_index[row])
+            unreached = "" if self.machine.ended[row] or line < 0 else self.names[line]
+            episode = self.recorder.cut(row, solved, diverged, self.machine.bound[row], unreached)
             self._finished[int(self._episode[row])] = episode
 
     def _step(self, rows: IntArray) -> None:

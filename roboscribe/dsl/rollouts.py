@@ -23,6 +23,8 @@ class Rollouts:
         control_steps: control steps simulated, over all episodes.
         lines: index into `controllers(program)` of what acted at each step, (T,) by episode; -1 for nothing.
         served: entity that the innermost loop was serving at each step, (T,) by episode; NULL outside loops.
+        unreached: controller that had not yet reached its subgoal when the episode ended, by episode; "" where the
+            program was over.
     """
 
     layout: Layout
@@ -33,6 +35,7 @@ class Rollouts:
     control_steps: int
     lines: tuple[IntArray, ...]
     served: tuple[IntArray, ...] = ()
+    unreached: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class FinishedEpisode:
     success: bool
     diverged: bool
     bound: tuple[int, ...]
+    unreached: str
 
 
 def gather(layout: Layout, episodes: list[FinishedEpisode]) -> Rollouts:
@@ -58,6 +62,7 @@ def gather(layout: Layout, episodes: list[FinishedEpisode]) -> Rollouts:
         control_steps=sum(len(each.lines) for each in episodes),
         lines=tuple(each.lines for each in episodes),
         served=tuple(each.served for each in episodes),
+        unreached=tuple(each.unreached for each in episodes),
     )
 
 
@@ -98,10 +103,10 @@ class Recorder:
         self._states[rows, now + 1] = states
         self.steps[rows] = now + 1
 
-    def cut(self, row: int, success: bool, diverged: bool, bound: list[int]) -> FinishedEpisode:
+    def cut(self, row: int, success: bool, diverged: bool, bound: list[int], unreached: str) -> FinishedEpisode:
         """Copy a row's episode out."""
         steps = int(self.steps[row])
         actions = self._actions[row, :steps].copy() if self._actions.shape[-1] else None
         trajectory = Trajectory(self._layout, self._states[row, : steps + 1].copy(), actions)
         lines, served = self._lines[row, :steps].copy(), self._served[row, :steps].copy()
-        return FinishedEpisode(trajectory, lines, served, success, diverged, tuple(bound))
+        return FinishedEpisode(trajectory, lines, served, success, diverged, tuple(bound), unreached)

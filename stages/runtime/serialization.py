@@ -11,7 +11,6 @@ import numpy as np
 from safetensors import SafetensorError
 from safetensors import numpy as safetensors
 
-from roboscribe.abstraction_refinement import Outcome
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.printer import text
@@ -19,6 +18,7 @@ from roboscribe.errors import ArtifactError, RoboScribeError
 from roboscribe.io.atomic import Json
 from roboscribe.search.candidates import Candidate
 from roboscribe.stages.runtime.files import FAILURES, OUTCOME, read_json
+from roboscribe.steps import Failure, Outcome
 from roboscribe.subtask_tree import Place, Tree
 from roboscribe.tree_json import node_from_json, node_to_json, tree_from_json
 from roboscribe.world.layout import FloatArray
@@ -83,18 +83,42 @@ def read_failures(path: Path) -> FloatArray:
     Raises:
         ArtifactError: the file is damaged.
     """
+    states = _read_states(path)
+    if "failures" not in states:
+        msg = f"{path}: found {', '.join(states) or 'nothing'}, expected failing states"
+        raise ArtifactError(msg)
+    return states["failures"]
+
+
+def _read_states(path: Path) -> dict[str, FloatArray]:
     try:
-        failures: FloatArray = safetensors.load_file(path)["failures"]
-    except (OSError, SafetensorError, KeyError) as error:
+        return safetensors.load_file(path)
+    except (OSError, SafetensorError) as error:
         msg = f"{path}: cannot be read as failing states ({error})"
         raise ArtifactError(msg) from error
-    return failures
+
+
+def lost_bytes(outcome: Outcome) -> bytes:
+    """Encode the states of failing episodes, one after the other, with how many each has."""
+    lengths = np.array([len(each.states) for each in outcome.lost], dtype=np.int64)
+    return safetensors.save({"failures": np.ascontiguousarray(outcome.failures()), "lengths": lengths})
 
 
 def read_outcome(out: Path) -> Outcome:
-    """Read what a rollout stage wrote."""
-    value = read_json(out / OUTCOME)
-    return Outcome(int(value["successes"]), int(value["episodes"]), read_failures(out / FAILURES))
+    """Read what a rollout stage wrote.
+
+    Raises:
+        ArtifactError: a file is damaged, or they do not belong together.
+    """
+    value, lost = read_json(out / OUTCOME), _read_states(out / FAILURES)
+    try:
+        ends = np.cumsum(lost["lengths"])
+        states = np.split(lost["failures"], ends)[:-1]
+        failures = tuple(Failure(part, str(name)) for part, name in zip(states, value["unreached"], strict=True))
+        return Outcome(int(value["successes"]), int(value["episodes"]), failures)
+    except (KeyError, ValueError) as error:
+        msg = f"{out}: found no outcome of rollouts ({error})"
+        raise ArtifactError(msg) from error
 
 
 def _candidate_to_json(candidate: Candidate) -> dict[str, Json]:

@@ -15,14 +15,18 @@ from roboscribe.dsl.rewrite import controllers
 from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.errors import ArtifactError, Fail
 from roboscribe.evidence import Evidence
+from roboscribe.io.atomic import Json
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS, read_library, write_library
-from roboscribe.stages.runtime.files import OUTCOME, REFINEMENT, read_fail, read_json, write_fail, write_json
+from roboscribe.stages.runtime.files import FAILURES, OUTCOME, REFINEMENT, read_fail, read_json, write_fail, write_json
 from roboscribe.stages.runtime.serialization import (
     failures_bytes,
+    lost_bytes,
+    read_failures,
     read_outcome,
     read_refinement,
     refinement_to_json,
 )
+from roboscribe.steps import Failure, Outcome
 from roboscribe.subtask_tree import ROOT, Node, Place, Tree, update_tree
 from roboscribe.tree_json import tree_from_json, tree_to_json
 
@@ -89,20 +93,52 @@ def test_what_is_no_refinement_is_refused(missing: str, tmp_path: Path) -> None:
         read_refinement(tmp_path / REFINEMENT)
 
 
-def test_an_outcome_survives(tmp_path: Path) -> None:
-    failures = np.random.default_rng(0).normal(size=(3, TASK.layout.size))
-    write_json(tmp_path / OUTCOME, {"successes": 2, "episodes": 5})
-    (tmp_path / "failures.safetensors").write_bytes(failures_bytes(failures))
-    outcome = read_outcome(tmp_path)
-    assert (outcome.successes, outcome.episodes) == (2, 5)
-    np.testing.assert_array_equal(outcome.failures, failures)
+def outcome() -> Outcome:
+    """Build an outcome: one episode broke, two were stuck."""
+    rng = np.random.default_rng(0)
+    lost = [
+        Failure(rng.normal(size=(steps, TASK.layout.size)), name) for steps, name in ((0, ""), (3, "at"), (2, "at"))
+    ]
+    return Outcome(2, 5, tuple(lost))
+
+
+def write_outcome(out: Path, outcome: Outcome) -> None:
+    """Write an outcome as the stage does."""
+    names: list[Json] = [each.unreached for each in outcome.lost]
+    write_json(out / OUTCOME, {"successes": outcome.successes, "episodes": outcome.episodes, "unreached": names})
+    (out / FAILURES).write_bytes(lost_bytes(outcome))
+
+
+@pytest.mark.parametrize("lost", [0, 1, 3])
+def test_an_outcome_survives(lost: int, tmp_path: Path) -> None:
+    before = replace(outcome(), lost=outcome().lost[:lost])
+    write_outcome(tmp_path, before)
+    after = read_outcome(tmp_path)
+    assert (after.successes, after.episodes, after.stuck_at) == (2, 5, before.stuck_at)
+    assert [each.unreached for each in after.lost] == [each.unreached for each in before.lost]
+    for mine, theirs in zip(before.lost, after.lost, strict=True):
+        np.testing.assert_array_equal(mine.states, theirs.states)
 
 
 def test_damaged_failures_are_refused(tmp_path: Path) -> None:
-    write_json(tmp_path / OUTCOME, {"successes": 2, "episodes": 5})
-    (tmp_path / "failures.safetensors").write_bytes(failures_bytes(np.zeros((3, 4)))[:-1])
+    write_outcome(tmp_path, outcome())
+    whole = (tmp_path / FAILURES).read_bytes()
+    (tmp_path / FAILURES).write_bytes(whole[:-1])
     with pytest.raises(ArtifactError, match="failing states"):
         read_outcome(tmp_path)
+
+
+def test_failures_of_other_episodes_are_refused(tmp_path: Path) -> None:
+    write_outcome(tmp_path, outcome())
+    (tmp_path / FAILURES).write_bytes(lost_bytes(Outcome(4, 5, outcome().lost[:1])))
+    with pytest.raises(ArtifactError, match="found no outcome"):
+        read_outcome(tmp_path)
+
+
+def test_failing_states_survive(tmp_path: Path) -> None:
+    states = np.random.default_rng(0).normal(size=(3, TASK.layout.size))
+    (tmp_path / FAILURES).write_bytes(failures_bytes(states))
+    np.testing.assert_array_equal(read_failures(tmp_path / FAILURES), states)
 
 
 def test_a_fail_survives(tmp_path: Path) -> None:
