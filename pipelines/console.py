@@ -64,7 +64,7 @@ class SynthesisConsole(ProgressBar):
                 for report in reports:
                     self.say(f"  {training_line(report)}")
             case RolledOut(goal, counts, _):
-                self.say(f"  {self._tried} reached {goal} in {tried_line(counts)}")
+                self.say(f"  {self._tried} reached {tried_line(goal, counts)}")
             case Refined() | Abandoned() | Retrained() | Removed():
                 self._decided(event)
             case Failed(reason):
@@ -141,11 +141,11 @@ def ranked_table(candidates: Iterable[Candidate]) -> Table:
     return table
 
 
-def tried_line(counts: Mapping[str, Any]) -> str:
-    """Say in how many episodes a program reached its goal, and where most of the others were stuck."""
-    line = f"{counts['successes']} of {counts['episodes']} episodes"
+def tried_line(goal: str, counts: Mapping[str, Any]) -> str:
+    """Say in how many episodes a program reached its goal, and where most of the others were stuck before it."""
+    line = f"{goal} in {counts['successes']} of {counts['episodes']} episodes"
     stuck, count = next(iter(Counter(counts.get("unreached", [])).most_common(1)), ("", 0))
-    return f"{line}; {count} of the others did not get beyond π_{stuck}" if stuck and count > 1 else line
+    return line if stuck in ("", goal) else f"{line}; {count} of the others did not get beyond π_{stuck}"
 
 
 def training_line(report: Mapping[str, Any]) -> str:

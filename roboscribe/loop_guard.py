@@ -26,7 +26,14 @@ from roboscribe.dsl.syntax import (
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.search.differences import differences, landmarks
-from roboscribe.search.topdown import Atoms, Literal, enumerate_conjunctions, strictest_literal, top_down_enum
+from roboscribe.search.topdown import (
+    Atoms,
+    Literal,
+    Situations,
+    enumerate_conjunctions,
+    strictest_literal,
+    top_down_enum,
+)
 from roboscribe.subtask_tree import Node, Tree
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, IntArray, ObjectType
 from roboscribe.world.trajectory import AGREEMENT, NEVER
@@ -37,6 +44,8 @@ CHOICE_TOLERANCE = 1.0 - AGREEMENT
 """The same for choices: now and then a demonstrator brushes another entity first."""
 MOST_EXAMPLES = 6_000
 """Examples beyond this many are thinned evenly."""
+MOST_SITUATIONS = 400
+"""The same of situations in which somebody has to be admitted."""
 BROKEN = 20.0
 """A sign of order counts where entities taken at random would have broken it this often, and hardly any did."""
 
@@ -102,14 +111,15 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
         guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.served, node.role).thinned()
+    examples = loop_examples(evidence, node.served, node.role)
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
         return Truth()
     entity, nodes = node.role, (node, *tree.below(node.name))
     learned = tuple(dict.fromkeys(n.served for n in nodes if entity in free_vars(n.predicate)))
-    ended = examples[examples.positive | examples.done]
+    thinned = examples.thinned()
+    ended = thinned[thinned.positive | thinned.done]
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
         return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
@@ -129,24 +139,33 @@ def order_of(
         learned: predicates about it alone.
 
     Returns:
-        A predicate that explains the choices, where it is shorter than a list of them would be, else what
-        `partial_order` finds; nothing where the demonstrations show no order.
+        A predicate that explains the choices, where it is shorter, its exceptions included, than a list of them would
+        be, else what `partial_order` finds; nothing where the demonstrations show no order.
+
+    Departs: an order has to admit somebody whenever anybody waits, not only where demonstrators chose: a program that
+        finds nobody ends.
     """
     shown = examples[examples.choice]
     if shown.positive.all():
         return ()
-    atoms = guard_atoms(shown, evidence, entity, learned, moving=True)
-    naming_one = float(np.log2(len(shown.positive)))
-    found = enumerate_conjunctions(atoms, shown.positive, CHOICE_TOLERANCE, exception_bits=naming_one)
-    if found.best is not None and _bits_of_choices(shown) >= np.log2(found.simpler):
+    waiting = np.unique(shown.frames, return_counts=True)[1]
+    exception = float(np.log2((waiting > 1).sum())) / 2  # whoever chooses otherwise leaves one and takes one
+    several = _with_some_situations(examples)
+    situations = Situations(np.unique(several.frames, return_inverse=True)[1], several.choice, TOLERANCE)
+    atoms = guard_atoms(several, evidence, entity, learned, moving=True)
+    found = enumerate_conjunctions(
+        atoms, several.positive, CHOICE_TOLERANCE, exception_bits=exception, situations=situations
+    )
+    if found.best is not None and found.bits <= np.log2(waiting).sum():
         return (found.best,)
-    return partial_order(examples, evidence, entity, learned)
+    return partial_order(examples.thinned(), evidence, entity, learned)
 
 
-def _bits_of_choices(shown: Examples) -> float:
-    """Return how many bits it takes to say which of those that waited was chosen, at every choice."""
-    _, waiting = np.unique(shown.frames, return_counts=True)
-    return float(np.log2(waiting).sum())
+def _with_some_situations(examples: Examples) -> Examples:
+    """Keep the choices, and of some other situations, taken evenly, everybody who waits."""
+    frames = np.unique(examples.frames[~examples.done & ~examples.choice])
+    some = frames[:: len(frames) // MOST_SITUATIONS + 1]
+    return examples[examples.choice | (~examples.done & np.isin(examples.frames, some))]
 
 
 def partial_order(

@@ -236,6 +236,48 @@ def test_two_demonstrations_show_no_order_by_accident(seed: int) -> None:
     assert predicate_synthesis(weighed(by_lot, seed, 2), TREE, AT_NODE) == Not(AT_NODE.predicate)
 
 
+def mostly_farthest(seed: int) -> Rule:
+    """Take the block with the longest way, but for one choice in thirty."""
+    rng = np.random.default_rng(seed)
+
+    def rule(masses: FloatArray) -> Choice:
+        def choose(hand: FloatArray, places: FloatArray, goals: FloatArray, left: list[int]) -> int:
+            ranked = sorted(left, key=lambda i: -float(np.linalg.norm(places[i] - goals[i])))
+            return ranked[-1 if rng.uniform() < 1 / 30 else 0]
+
+        return choose
+
+    return rule
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_order_with_exceptions_stays_an_order(seed: int) -> None:
+    """Two comparisons more would explain the exceptions, and leave nobody to be taken elsewhere."""
+    guard = predicate_synthesis(weighed(mostly_farthest(seed), seed, 50), TREE, AT_NODE)
+    assert not isinstance(guard, Fail)
+    right = [chosen == [i % 3] for i, chosen in enumerate(admitted(guard, weighed(farthest, seed + 10, 30)))]
+    assert np.mean(right) >= 0.95
+
+
+def farthest(masses: FloatArray) -> Choice:
+    """Take the block with the longest way."""
+    return lambda hand, places, goals, left: max(left, key=lambda i: float(np.linalg.norm(places[i] - goals[i])))
+
+
+@pytest.mark.parametrize("rule", [lightest, leftmost, nearest, farthest])
+def test_an_order_admits_somebody_wherever_somebody_waits(rule: Rule) -> None:
+    """Also while a block is under way: what was let go there has to be taken again."""
+    shown = weighed(rule, 0, 40)
+    guard = predicate_synthesis(shown, TREE, AT_NODE)
+    assert not isinstance(guard, Fail)
+    named = {name: i for i, name in enumerate(shown.layout.names)}
+    admitting = np.stack([holds(guard, shown.states, {**named, "b1": e}, shown.layout) for e in range(3)]).any(axis=0)
+    waiting = np.stack(
+        [~holds(AT_NODE.predicate, shown.states, {**named, "b1": e}, shown.layout) for e in range(3)]
+    ).any(axis=0)
+    assert admitting[waiting].mean() >= 0.98
+
+
 def test_the_first_block_of_a_tower_is_the_one_with_the_lowest_goal() -> None:
     choice = entity_choice(evidence(TASK), "b1")
     assert agree(choice, parse_predicate("¬∃o:block. g(o)↓z < g(b1)↓z"))

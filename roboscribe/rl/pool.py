@@ -40,12 +40,6 @@ class StartPool(Rows):
                 kept.append(row)
         return self.take(np.array(kept, np.int64))
 
-    def split(self, episodes: int) -> tuple[StartPool, StartPool]:
-        """Hold out the starts of the first `episodes` episodes that have any; returns (held out, rest)."""
-        present = np.unique(self.episode)
-        held = np.isin(self.episode, present[:episodes])
-        return self.take(np.flatnonzero(held)), self.take(np.flatnonzero(~held))
-
     def oversample_hard(self, hard: BoolArray, most: int = PoolConfig.repeats) -> StartPool:
         """Repeat the starts that are `hard` (P,) until they are half of all, each `most` times at most."""
         rows, times = np.flatnonzero(hard), max(1, len(hard) // max(1, int(hard.sum())) - 1)

@@ -35,6 +35,8 @@ SLACK = 2
 """Times what its segments usually take that a controller may take in training: it may be slower than it was shown."""
 SETTLING = 2
 """Times the steps of confirmation that a controller has in a loop beyond what its segments usually take."""
+HELD_OUT = 1 / 6
+"""Share of the control steps of a controller that it may take to find what it is measured on."""
 SEEDS = 2**31
 """Seeds are drawn below this, so that they fit into 32 bits, with a sign or without."""
 
@@ -165,17 +167,21 @@ class ProgramTraining:
 
     def subtask(self, run: Run) -> Subtask:
         """Say what is asked of a skill: its step limit and the units of its reward come from the demonstrations."""
-        usual = self.usual_steps.get(run.controller)
         return Subtask(
             task=self.task,
             until=run.until,
             variables=run_variables(run),
-            limit=SLACK * usual if usual else self.task.horizon,
+            limit=self.limit(run),
             confirm=self.config.confirm,
             continues_if=self.continues_if(run),
             scales=self.scales(run),
             invariant=self.invariant(run),
         )
+
+    def limit(self, run: Run) -> int:
+        """Return the control steps that a controller may take in training."""
+        usual = self.usual_steps.get(run.controller)
+        return SLACK * usual if usual else self.task.horizon
 
     def scales(self, run: Run) -> dict[str, float]:
         """Return the spread of each atom's term over the demonstrated segments of a skill, by the term's text.
@@ -241,33 +247,51 @@ class ProgramTraining:
         seed = self.seed_of(f"{run.controller} weights")
         return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
 
-    def pools(
-        self, run: Run, skills: Mapping[str, Skill], most: float, purpose: str = "starts"
-    ) -> tuple[StartPool, StartPool, int]:
-        """Run the program up to `run`, for half of the control steps that may be spent on it at most.
+    def held_out(
+        self, run: Run, skills: Mapping[str, Skill], most: float, *, again: bool = False
+    ) -> tuple[StartPool, int]:
+        """Return starts on which a controller is measured, and the control steps that it took to find them.
+
+        They are few enough that an evaluation takes a quarter of the steps at most.
 
         Args:
             run: the controller's statement.
             skills: controllers so far.
             most: control steps that may be spent on the controller.
-            purpose: what the starts are drawn for; other purposes get others.
-
-        Returns:
-            Held-out starts, few enough that an evaluation takes a quarter of those steps at most; starts for
-            training; and control steps spent.
+            again: whether it was trained before: one that was chosen for its success on some starts shows its true
+                success on others.
         """
-        config, rng = self.config.pool, self.draw(f"{run.controller} {purpose}")
-        times = config.in_loops if self.in_loop(run) else 1
-        starts, evaluation = config.starts * times, config.evaluation * times
+        wanted = min(self._starts_wanted(run, self.config.pool.evaluation), max(1, int(most / 4 / self.limit(run))))
+        return self._starts(run, skills, wanted, HELD_OUT * most, "held out again" if again else "held out")
+
+    def starts(
+        self, run: Run, skills: Mapping[str, Skill], most: float, *, again: bool = False
+    ) -> tuple[StartPool, int]:
+        """Return starts from which a controller is trained, and the control steps that it took to find them.
+
+        Args:
+            run: the controller's statement.
+            skills: controllers so far.
+            most: control steps that this may take.
+            again: as in `held_out`.
+        """
+        wanted = self._starts_wanted(run, self.config.pool.starts)
+        return self._starts(run, skills, wanted, most, "starts again" if again else "starts")
+
+    def _starts_wanted(self, run: Run, usual: int) -> int:
         if isinstance(run.until, Solved):
-            starts = evaluation = config.opaque
+            return self.config.pool.opaque
+        return usual * (self.config.pool.in_loops if self.in_loop(run) else 1)
+
+    def _starts(
+        self, run: Run, skills: Mapping[str, Skill], wanted: int, most: float, purpose: str
+    ) -> tuple[StartPool, int]:
+        """Run the program up to `run`; starts of other purposes are others."""
+        config, rng = self.config.pool, self.draw(f"{run.controller} {purpose}")
         prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
-        seeds = rng.integers(SEEDS, size=config.attempts * (starts + evaluation))
-        found, steps = collect_starts(prefix, self.task, starts + evaluation, seeds, rng, config.batch, most / 2)
-        share = evaluation / (starts + evaluation)
-        held_out, pool = found.capped(config.tries).split(round(share * len(np.unique(found.episode))))
-        affordable = max(1, int(most / 4 / self.subtask(run).limit))
-        return held_out.take(np.arange(min(len(held_out), affordable))), pool, steps
+        seeds = rng.integers(SEEDS, size=config.attempts * wanted)
+        found, steps = collect_starts(prefix, self.task, wanted, seeds, rng, config.batch, most)
+        return found.capped(config.tries), steps
 
 
 def _attended(parts: Sequence[Segment], shown: Trajectory) -> tuple[Segment, ...]:

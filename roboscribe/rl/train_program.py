@@ -12,14 +12,13 @@ import numpy as np
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
+from roboscribe.rl.best_warm_start import TrainingStarts, best_warm_start
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.config import PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.learner import Learned, LearnerTask, Log
-from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import SEEDS, ProgramTraining
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
-from roboscribe.rl.warm_start import clone_frames, clone_states
 from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
@@ -28,6 +27,8 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 """Receives a controller's name, metrics by name, and the control steps spent on it so far."""
 
 
+TO_TRAIN_FROM = 1 / 3
+"""Share of the control steps of a skill that it may take to find what it is trained from."""
 LONGEST = 4
 """Times `TrainConfig.assurance` that a screening may take."""
 
@@ -43,7 +44,7 @@ class SkillReport:
     Args:
         controller: its name.
         learner: what gave the weights that were kept: "kept" from before, "clone", "ppo", "sac" or "initial".
-        starts: start states found for training; 0 where the program never got there.
+        starts: held-out start states that it was measured on; 0 where the program never got there.
         warm_success: success on held-out starts before reinforcement learning.
         success: success of what was kept.
         control_steps: all control steps spent on it: starts, evaluations and learning.
@@ -273,18 +274,20 @@ def _train(
 ) -> tuple[Skill, SkillReport]:
     """Collect starts, warm-start, and improve by reinforcement learning where needed, in `most` control steps."""
     run = job.run
-    # A skill that was chosen for its success on some starts shows its true success on others.
-    held_out, pool, spent = training.pools(run, skills, most, "starts again" if job.again else "starts")
-    fresh = skills.get(run.controller) or training.fresh_skill(run, pool)
-    if not len(pool):
-        return fresh, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
+    held_out, spent = training.held_out(run, skills, most, again=job.again)
+    if not len(held_out):
+        untrained = skills.get(run.controller) or training.fresh_skill(run, held_out)
+        return untrained, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
     config = training.config
     world = training.task.world(config.pool.batch)
     evaluator = SkillEvaluator(training.subtask(run), held_out, world, config.pool.screening, most - spent)
-    warm, rate, learner = _warm_start(training, run, skills, pool, evaluator)
-    spent += evaluator.world.control_steps
+    starts = TrainingStarts(
+        lambda: training.starts(run, skills, min(TO_TRAIN_FROM * most, evaluator.rest), again=job.again)
+    )
+    warm, rate, learner = best_warm_start(training, run, skills, starts, evaluator)
+    spent += evaluator.world.control_steps + starts.control_steps
     context.log(run.controller, {"warm_success": rate}, spent)
-    report = SkillReport(run.controller, learner, len(pool), rate, rate, spent)
+    report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent)
     target = training.target(run)
     budget = config.learning_steps if job.again else _budget(training, run, rate)
     if rate >= target or not job.reinforce or not budget:
@@ -293,6 +296,11 @@ def _train(
     def log(metrics: Mapping[str, float], step: int) -> None:
         context.log(run.controller, metrics, spent + step)
 
+    pool = starts.pool
+    if not len(pool):
+        return warm, report
+    evaluator = replace(evaluator, allowance=evaluator.allowance - starts.control_steps)
+    spent = evaluator.world.control_steps + most - int(evaluator.allowance)
     if rate > config.pool.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
         tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
         pool, spent = pool.oversample_hard(~tried.success, config.pool.repeats), spent + tried.control_steps
@@ -339,42 +347,6 @@ def _reinforce(
             from roboscribe.rl.sac import train_sac
 
             return train_sac(warm, task, settings, seed, log), "sac"
-        case other:
-            assert_never(other)
-
-
-def _warm_start(
-    training: ProgramTraining, run: Run, skills: Mapping[str, Skill], pool: StartPool, evaluator: SkillEvaluator
-) -> tuple[Skill, float, str]:
-    """Return the best of what was known before and of clones, its success, and what gave it."""
-    fresh = training.fresh_skill(run, pool)
-    known, learner = (skills[run.controller], "kept") if run.controller in skills else (fresh, "initial")
-    if learner == "initial" and (cloned := _clone(training, run, fresh, pool, evaluator)) is not None:
-        return *cloned, "clone"
-    rate = evaluator(known).rate
-    if learner == "kept" and rate < training.target(run):
-        cloned = _clone(training, run, fresh, pool, evaluator)
-        if cloned is not None and cloned[1] > rate:
-            return *cloned, "clone"
-    return known, rate, learner
-
-
-def _clone(
-    training: ProgramTraining, run: Run, fresh: Skill, pool: StartPool, evaluator: SkillEvaluator
-) -> tuple[Skill, float] | None:
-    """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
-    config, frames = training.config, training.frames(run)
-    if frames is None or isinstance(run.until, Solved):
-        return None
-    seed = training.seed_of(f"{run.controller} clone")
-    match config.profile:
-        case "actions":
-            return clone_frames(fresh, frames.samples(), evaluator, config, seed)
-        case "states":
-            spec = training.spec(run, speeds=True)
-            return clone_states(fresh, frames, pool, spec, evaluator, config, seed)
-        case "paper" | "scripted":
-            return None
         case other:
             assert_never(other)
 

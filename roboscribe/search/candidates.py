@@ -44,6 +44,9 @@ LATE = 0.9
 """Part of the way to a subgoal beyond which what begins to hold comes with it and is hardly a step towards it."""
 LEAST_BITS = 1.0
 """Bits below which a predicate says nothing: it does not even halve what is possible."""
+TELLING = 2.0
+"""Bits below which being about the goal's entities does not count: a side of the table that the goal lies on is passed
+on the way to it, whatever stands in the way."""
 OFTEN = 0.1
 """Share of the crossings beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
@@ -206,14 +209,14 @@ class Candidate:
         """What differs in kind between candidates; those that differ only by degrees may prove to be better.
 
         It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities,
-        before them, and fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with
+        before them, says much of them, and fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with
         the predecessors; is not often true at the start; accepts few failures.
         """
         return (
             not self.advances,
             not self.separates,
             self.copy,
-            not self.relevant or self.accepted > CLEAR or self.comes_with_it,
+            not self.relevant or self.accepted > CLEAR or self.comes_with_it or self.bits < TELLING,
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
             not self.each or self.with_others,

@@ -10,7 +10,7 @@ one product of matrices.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import inf
@@ -55,12 +55,33 @@ class Enumeration:
         best: the separating predicate that costs least, its exceptions counted, of equals the most accurate; None when
             there is none.
         candidates: conjunctions judged.
-        simpler: of these, how many cost no more than the best.
+        bits: what it takes to name the best among those that cost no more, and its exceptions.
     """
 
     best: Predicate | None
     candidates: int
-    simpler: int = 0
+    bits: float = inf
+
+
+@dataclass(frozen=True, eq=False)
+class Situations:
+    """Examples that stand side by side, in each situation of which a predicate has to be true of some.
+
+    Args:
+        of: (X,) rank of the situation that each example stands in.
+        judged: (X,) whether it counts as an example, too.
+        most_empty: share of the situations that may be left without any.
+    """
+
+    of: IntArray
+    judged: BoolArray
+    most_empty: float
+
+    def filled(self, truth: BoolArray) -> bool:
+        """Tell whether a predicate with this truth (X,) is true of some example in enough situations."""
+        found = np.zeros(int(self.of.max(initial=-1)) + 1, dtype=np.bool_)
+        found[self.of[truth]] = True
+        return float(np.count_nonzero(~found)) <= self.most_empty * len(found)
 
 
 def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predicate | None:
@@ -80,7 +101,12 @@ def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predic
 
 
 def enumerate_conjunctions(
-    atoms: Atoms, positive: BoolArray, tolerance: float, budget: int = BUDGET, exception_bits: float = 0.0
+    atoms: Atoms,
+    positive: BoolArray,
+    tolerance: float,
+    budget: int = BUDGET,
+    exception_bits: float = 0.0,
+    situations: Situations | None = None,
 ) -> Enumeration:
     """Judge every conjunction of up to three literals, as long as the budget lasts.
 
@@ -91,13 +117,29 @@ def enumerate_conjunctions(
         budget: most conjunctions judged.
         exception_bits: what it takes to say of one example that it is judged wrongly, compared with what it takes to
             name the predicate among those that cost no more; 0 takes the cheapest whatever exceptions it needs.
+        situations: in which the predicate has to be true of some examples; None asks for none.
     """
-    atoms, positives, negatives = _counted(atoms, positive)
-    evaluator = _CandidateEvaluator(literals(atoms), positives, negatives, tolerance, budget, exception_bits)
+    atoms, kinds = _distinct_examples(atoms, len(positive))
+    judged = np.ones_like(positive) if situations is None else situations.judged
+    positives, negatives = _count(kinds, positive & judged), _count(kinds, ~positive & judged)
+
+    def possible(truth: BoolArray) -> bool:
+        return situations is None or situations.filled(truth[kinds])
+
+    offered, counted = literals(atoms), (positives + negatives) > 0
+    evaluator = _CandidateEvaluator(
+        literals=_differing([each for each in offered if possible(each.truth)], counted),
+        on_offer=counts_by_cost([each.cost for each in _differing(offered, counted)]),
+        positives=positives,
+        negatives=negatives,
+        tolerance=tolerance,
+        budget=budget,
+        exception_bits=exception_bits,
+        possible=possible,
+    )
     for length in range(1, LONGEST + 1):
         evaluator.judge_all(length)
-    best, cost = evaluator.best()
-    return Enumeration(best, evaluator.candidates, evaluator.count_up_to(cost))
+    return Enumeration(evaluator.best(), evaluator.candidates, evaluator.least)
 
 
 @dataclass(frozen=True)
@@ -119,7 +161,8 @@ def strictest_literal(atoms: Atoms, positive: BoolArray, tolerance: float) -> St
     Returns:
         The strictest literal, of equals the cheapest; True, which refuses none, where there is no other.
     """
-    atoms, positives, negatives = _counted(atoms, positive)
+    atoms, kinds = _distinct_examples(atoms, len(positive))
+    positives, negatives = _count(kinds, positive), _count(kinds, ~positive)
 
     def refused(literal: Literal, examples: FloatArray) -> float:
         return float(examples @ ~literal.truth) / max(1.0, float(examples.sum()))
@@ -137,9 +180,14 @@ def literals(atoms: Atoms) -> list[Literal]:
     """List the literals that atoms give rise to, cheapest first, each truth table (X,) once."""
     positive = [*atoms.outer, *_existentials(atoms)]
     both = [*positive, *(Literal(Not(p.predicate), p.cost, ~p.truth) for p in positive)]
+    return _differing(sorted(both, key=lambda p: p.cost))
+
+
+def _differing(offered: Sequence[Literal], examples: BoolArray | slice = slice(None)) -> list[Literal]:
+    """Keep the first of all literals that agree on some examples."""
     seen: dict[bytes, Literal] = {}
-    for literal in sorted(both, key=lambda p: p.cost):
-        seen.setdefault(literal.truth.tobytes(), literal)
+    for literal in offered:
+        seen.setdefault(literal.truth[examples].tobytes(), literal)
     return list(seen.values())
 
 
@@ -163,15 +211,12 @@ def _exists(atoms: Atoms, body: Predicate, cost: int, truth: BoolArray) -> Liter
     return Literal(Exists(atoms.var, atoms.kind, body), cost + EXISTS_COST, somewhere)
 
 
-def _counted(atoms: Atoms, positive: BoolArray) -> tuple[Atoms, FloatArray, FloatArray]:
-    """Keep one of all examples on which every atom is equally true; count the positive and negative ones of each.
+def _count(kinds: IntArray, which: BoolArray) -> FloatArray:
+    """Count the examples (X,) of each kind, (K,).
 
     Counts are float32, exact up to 16 million, because their products are the whole cost of a search.
     """
-    atoms, kinds = _distinct_examples(atoms, len(positive))
-    count = kinds.max(initial=-1) + 1
-    positives, negatives = (np.bincount(kinds[label], minlength=count) for label in (positive, ~positive))
-    return atoms, positives.astype(np.float32), negatives.astype(np.float32)
+    return np.bincount(kinds[which], minlength=kinds.max(initial=-1) + 1).astype(np.float32)
 
 
 def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
@@ -194,30 +239,35 @@ class _CandidateEvaluator:
 
     Args:
         literals: what conjunctions are made of.
+        on_offer: by cost, how many literals, and pairs of them, there are to choose from, see `counts_by_cost`.
         positives: (X,) float32, how many positive examples there are of each kind.
         negatives: (X,) how many negative ones.
         tolerance: share of either that may be judged wrongly.
         budget: most candidates.
         exception_bits: as in `enumerate_conjunctions`.
+        possible: whether a predicate with some truth (X,) may be taken.
     """
 
     literals: list[Literal]
+    on_offer: IntArray
     positives: FloatArray
     negatives: FloatArray
     tolerance: float
     budget: int
-    exception_bits: float = 0.0
+    exception_bits: float
+    possible: Callable[[BoolArray], bool]
     candidates: int = 0
     least: float = inf
     found: list[tuple[float, int, float, tuple[int, ...]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
+        counted = (self.positives + self.negatives) > 0
+        self.positives, self.negatives = self.positives[counted], self.negatives[counted]
         self.shown, self.hidden = float(self.positives.sum()), float(self.negatives.sum())
-        self._within = counts_by_cost([p.cost for p in self.literals])
         tables = np.zeros((len(self.literals), len(self.positives)), dtype=np.float32)
         for table, literal in zip(tables, self.literals, strict=True):
-            table[:] = literal.truth
+            table[:] = literal.truth[counted]
         kept = np.flatnonzero(tables @ self.positives >= self.shown - self._errors(self.shown))
         self.literals = [self.literals[i] for i in kept]
         self.tables = tables[kept]
@@ -245,12 +295,19 @@ class _CandidateEvaluator:
         fit = np.triu(fit, 1) if length > 1 else fit
         exceptions = self.shown - kept + accepted
         bits = self.bits[costs] + self.exception_bits * exceptions
-        self.least = min(self.least, float(bits.min(initial=self.least, where=fit)))
-        for i, j in np.argwhere(fit & (bits <= self.least)):
+        better = np.argwhere(fit & (bits <= self.least))
+        for i, j in better[np.argsort(bits[tuple(better.T)], kind="stable")]:
             chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
+            if bits[i, j] > self.least or not self._is_possible(chosen):
+                continue
+            self.least = float(bits[i, j])
             missed = (self.shown - float(kept[i, j])) / max(1.0, self.shown)
             wrong = round(missed + float(accepted[i, j]) / max(1.0, self.hidden), 12)
             self.found.append((self.least, int(costs[i, j]), wrong, chosen))
+
+    def _is_possible(self, chosen: tuple[int, ...]) -> bool:
+        """Tell whether a conjunction may be taken."""
+        return self.possible(np.logical_and.reduce([self.literals[rank].truth for rank in chosen]))
 
     def _errors(self, examples: float) -> float:
         """Return how many of so many examples may be judged wrongly."""
@@ -258,18 +315,18 @@ class _CandidateEvaluator:
 
     def count_up_to(self, cost: int) -> int:
         """Return how many literals, and pairs of literals, cost no more than `cost`."""
-        return int(self._within[min(cost, len(self._within) - 1)])
+        return int(self.on_offer[min(cost, len(self.on_offer) - 1)])
 
-    def best(self) -> tuple[Predicate | None, int]:
-        """Return the candidate found that takes the fewest bits, and its cost.
+    def best(self) -> Predicate | None:
+        """Return the candidate found that takes the fewest bits.
 
         Of equals it is the cheapest, then the most accurate, then the first by its text.
         """
         if not self.found:
-            return None, 0
+            return None
         least = min(found[:3] for found in self.found)
         equals = [conjunction([self.literals[i].predicate for i in f[3]]) for f in self.found if f[:3] == least]
-        return min(equals, key=str), least[1]
+        return min(equals, key=str)
 
 
 def counts_by_cost(costs: Sequence[int]) -> IntArray:

@@ -118,7 +118,7 @@ class Figures:
 def bench_ppo(training: ProgramTraining, watch: Watch, iterations: int = 10) -> Figures:
     """Run PPO for a few iterations."""
     run, config = training.runs[0], PpoConfig(critic_iterations=0)
-    _, pool, _ = training.pools(run, {}, UNBOUNDED)
+    pool, _ = training.starts(run, {}, UNBOUNDED)
     skill, learning = training.fresh_skill(run, pool), Watch()
     budget = iterations * config.worlds * config.steps
     task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 1.0, budget)
@@ -137,7 +137,7 @@ def bench_ppo(training: ProgramTraining, watch: Watch, iterations: int = 10) -> 
 def bench_sac(training: ProgramTraining, watch: Watch, rounds: int = 120) -> Figures:
     """Run SAC for some rounds, most of them with updates."""
     run, config = training.runs[0], SacConfig(evaluate_every=rounds, learning_starts=1280)
-    _, pool, _ = training.pools(run, {}, UNBOUNDED)
+    pool, _ = training.starts(run, {}, UNBOUNDED)
     task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 2.0, config.worlds * rounds)
     learning, train = Watch(), SAC.train
     SAC.train = learning.timed(train)  # type: ignore[method-assign,assignment] # the library has no hook around its updates
@@ -156,7 +156,7 @@ def bench_clone(training: ProgramTraining) -> Figures:
     run, config = training.runs[0], CloneConfig()
     frames = training.frames(run)
     assert frames is not None
-    _, pool, _ = training.pools(run, {}, UNBOUNDED)
+    pool, _ = training.starts(run, {}, UNBOUNDED)
     skill, start = training.fresh_skill(run, pool), perf_counter()
     list(cloning.clone(skill, frames.samples(), config, 0))
     wall = perf_counter() - start

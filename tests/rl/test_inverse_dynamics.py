@@ -78,7 +78,7 @@ def test_clones_demonstrations_without_actions(stored: bool) -> None:
     frames = demonstrated(15, actions=False, stored=stored)
     starts = snapshots(60, 5)
     pool = StartPool(starts, starts[:, :6], np.zeros((60, 1), np.int64), np.zeros(60, np.int64), np.arange(60))
-    held_out, training = pool.split(30)
+    held_out, training = pool.take(np.arange(30)), pool.take(np.arange(30, 60))
     evaluator = SkillEvaluator(Subtask(TASK, HOLD, ("b",), 25), held_out, TASK.world(30))
     config = TrainConfig(
         profile="states", target=0.9, inverse=QUICK, clone=CloneConfig(steps=250, hidden=(32, 32), attempts=1)

@@ -30,7 +30,7 @@ SMALL = PpoConfig(worlds=8, steps=10, epochs=2, minibatches=2, critic_iterations
 def problem(limit: int = 15, target: float = 2.0, budget: int = 320) -> tuple[LearnerTask, Skill]:
     subtask = Subtask(TASK, HOLD, ("b",), limit, confirm=1)
     pool, _ = collect_starts(Prefix(PROGRAM, (0,), {}, {}), TASK, 24, np.arange(24), np.random.default_rng(0))
-    held_out, training = pool.split(8)
+    held_out, training = pool.take(np.arange(8)), pool.take(np.arange(8, len(pool)))
     world = TASK.world(8)
     task = LearnerTask(subtask, training, SkillEvaluator(subtask, held_out, world), target, budget)
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, TASK.layout)

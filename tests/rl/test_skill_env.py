@@ -190,9 +190,7 @@ def test_hard_starts_are_repeated_until_they_are_half() -> None:
     assert len(starts.oversample_hard(~hard)) == len(starts.oversample_hard(np.zeros(8, np.bool_))) == 8
 
 
-def test_pool_caps_and_splits_by_episode() -> None:
+def test_starts_with_the_same_entities_are_capped_by_episode() -> None:
     starts = pool(np.random.default_rng(0).uniform(size=(6, 6)))
     repeated = starts.take(np.array([0, 0, 0, 1, 2, 2]))
     np.testing.assert_array_equal(repeated.capped(2).episode, [0, 0, 1, 2, 2])
-    held, rest = repeated.split(1)
-    assert (len(held), len(rest)) == (3, 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -16,6 +17,7 @@ from roboscribe.dsl.syntax import Predicate, Truth, Var
 from roboscribe.search.topdown import (
     Atoms,
     Literal,
+    Situations,
     Strictest,
     counts_by_cost,
     enumerate_conjunctions,
@@ -188,6 +190,18 @@ def test_exceptions_have_a_price() -> None:
     atoms = Atoms((Literal(flag, 1, cheap), Literal(exact, 2, positive)), (), Var("b'"), "block")
     assert enumerate_conjunctions(atoms, positive, 0.05).best == flag
     assert enumerate_conjunctions(atoms, positive, 0.05, exception_bits=5.0).best == exact
+
+
+def test_a_predicate_that_is_true_of_nobody_somewhere_is_passed_over() -> None:
+    """Both are right about the four that are judged; the cheaper one leaves nobody in the third situation."""
+    positive = np.array([True, False, True, False, False, False])
+    cheap, dear = np.array([1, 0, 1, 0, 0, 0], np.bool_), np.array([1, 0, 1, 0, 1, 0], np.bool_)
+    flag, other = (parse_predicate(f"b↓{name} > 0") for name in ("x", "y"))
+    atoms = Atoms((Literal(flag, 1, cheap), Literal(other, 2, dear)), (), Var("b'"), "block")
+    situations = Situations(np.array([0, 0, 1, 1, 2, 2]), np.arange(6) < 4, 0.0)
+    assert enumerate_conjunctions(atoms, positive, 0.0, situations=situations).best == other
+    forgiving = replace(situations, most_empty=0.4)
+    assert enumerate_conjunctions(atoms, positive, 0.0, situations=forgiving).best == flag
 
 
 @pytest.mark.parametrize("costs", [[], [3], [1, 1, 2, 5, 5, 5], [2, 4, 6]])
