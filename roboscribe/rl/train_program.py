@@ -272,7 +272,7 @@ def _learn(
 def _train(
     training: ProgramTraining, context: _RunContext, job: _SkillJob, skills: Mapping[str, Skill], most: int
 ) -> tuple[Skill, SkillReport]:
-    """Collect starts, warm-start, and improve by reinforcement learning where needed, in `most` control steps."""
+    """Measure a warm start, and improve it by reinforcement learning where needed, in `most` control steps."""
     run = job.run
     held_out, spent = training.held_out(run, skills, most, again=job.again)
     if not len(held_out):
@@ -288,23 +288,38 @@ def _train(
     spent += evaluator.world.control_steps + starts.control_steps
     context.log(run.controller, {"warm_success": rate}, spent)
     report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent)
-    target = training.target(run)
     budget = config.learning_steps if job.again else _budget(training, run, rate)
-    if rate >= target or not job.reinforce or not budget:
+    if rate >= training.target(run) or not job.reinforce or not budget:
         return warm, report
+    return _improve(training, context, job, warm, report, starts, evaluator, budget)
+
+
+def _improve(
+    training: ProgramTraining,
+    context: _RunContext,
+    job: _SkillJob,
+    warm: Skill,
+    report: SkillReport,
+    starts: TrainingStarts,
+    evaluator: SkillEvaluator,
+    budget: int,
+) -> tuple[Skill, SkillReport]:
+    """Improve a warm start by reinforcement learning; what is returned is never worse."""
+    settings, rate = training.config.pool, report.success
+    found_before = starts.control_steps
+    pool = starts.pool
+    spent = report.control_steps + starts.control_steps - found_before
+    if not len(pool):
+        return warm, replace(report, control_steps=spent)
+    evaluator = replace(evaluator, allowance=evaluator.allowance - starts.control_steps)
+    if rate > settings.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
+        tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
+        pool, spent = pool.oversample_hard(~tried.success, settings.repeats), spent + tried.control_steps
 
     def log(metrics: Mapping[str, float], step: int) -> None:
-        context.log(run.controller, metrics, spent + step)
+        context.log(job.run.controller, metrics, spent + step)
 
-    pool = starts.pool
-    if not len(pool):
-        return warm, report
-    evaluator = replace(evaluator, allowance=evaluator.allowance - starts.control_steps)
-    spent = evaluator.world.control_steps + most - int(evaluator.allowance)
-    if rate > config.pool.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
-        tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
-        pool, spent = pool.oversample_hard(~tried.success, config.pool.repeats), spent + tried.control_steps
-    task = LearnerTask(evaluator.subtask, pool, evaluator, target, budget, evaluator.rest)
+    task = LearnerTask(evaluator.subtask, pool, evaluator, training.target(job.run), budget, evaluator.rest)
     learned, by = _reinforce(training, warm, rate, task, log, context.file(f"{job.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:

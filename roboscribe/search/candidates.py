@@ -209,8 +209,8 @@ class Candidate:
         """What differs in kind between candidates; those that differ only by degrees may prove to be better.
 
         It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities,
-        before them, says much of them, and fails clearly with them; is maintained; mentions an entity, but few; recurs; stands well with
-        the predecessors; is not often true at the start; accepts few failures.
+        before them, says much of them, and fails clearly with them; is maintained; mentions an entity, but few; recurs;
+        stands well with the predecessors; is not often true at the start; accepts few failures.
         """
         return (
             not self.advances,

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
-from roboscribe.rl.program_training import step_limits
+from roboscribe.rl.pool import StartPool
+from roboscribe.rl.program_training import ProgramTraining, step_limits
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.train_program import TrainingResult, train_program
 from roboscribe.world.layout import BoolArray, FloatArray
@@ -74,6 +75,24 @@ def test_every_control_step_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
         worlds.clear()
         result = train_program(TASK, program, SHOWN, {}, config, 0, solve=program is PROGRAM)
         assert result.control_steps == sum(each.control_steps for each in worlds)
+
+
+def test_what_a_clone_reaches_needs_no_starts_to_train_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Most of what a training used to simulate were starts that nothing was trained from."""
+    looked_for: list[str] = []
+    find = ProgramTraining.starts
+
+    def starts(
+        self: ProgramTraining, run: Run, skills: Mapping[str, Skill], most: float, *, again: bool = False
+    ) -> tuple[StartPool, int]:
+        looked_for.append(run.controller)
+        return find(self, run, skills, most, again=again)
+
+    monkeypatch.setattr(ProgramTraining, "starts", starts)
+    train_program(TASK, PROGRAM, SHOWN, {}, replace(QUICK, target=0.0), 0)
+    assert looked_for == []
+    train_program(TASK, PROGRAM, SHOWN, {}, replace(QUICK, target=2.0), 0)
+    assert looked_for == ["hold", "at"]
 
 
 def test_known_skills_are_left_alone(trained: TrainingResult) -> None:
