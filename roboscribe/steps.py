@@ -44,7 +44,7 @@ class Failure:
     Args:
         states: (T, F), entities named in the order of their binding; where the episode failed within a loop, only
             those in which the loop served the entity that it failed at, first named. None where physics broke.
-        unreached: subgoal that was not reached when the episode ended; "" where the program was over.
+        unreached: subgoal that the episode ended at without ever having reached it; "" where there was none.
     """
 
     states: FloatArray
@@ -67,7 +67,7 @@ class Outcome:
 
     @property
     def stuck_at(self) -> str:
-        """Subgoal that was not reached in most of the failing episodes; "" where there is no such one."""
+        """Subgoal that most of the failing episodes ended at and never had reached; "" where there is no such one."""
         counts = Counter(each.unreached for each in self.lost)
         return next((name for name, count in counts.items() if 2 * count > len(self.lost)), "")
 

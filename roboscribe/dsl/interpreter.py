@@ -17,7 +17,7 @@ from roboscribe.dsl.rewrite import run_variables
 from roboscribe.dsl.rollouts import FinishedEpisode, Recorder, Rollouts, gather
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import ProgramError
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.layout import NULL, BoolArray, FloatArray, IntArray
 from roboscribe.world.task import Judge, Task, World
 
 __all__ = ["Controller", "Machine", "Rollouts", "execute"]
@@ -218,8 +218,8 @@ class _Execution:
 
     def _finish(self, rows: IntArray, success: BoolArray) -> None:
         for row, solved in zip(rows.tolist(), success.tolist(), strict=True):
-            diverged, line = bool(self._diverged[row]), int(self.machine.run_index[row])
-            unreached = "" if self.machine.ended[row] or line < 0 else self.names[line]
+            diverged, line = bool(self._diverged[row]), self.machine.never_reached(row)
+            unreached = "" if line == NULL else self.names[line]
             episode = self.recorder.cut(row, solved, diverged, self.machine.bound[row], unreached)
             self._finished[int(self._episode[row])] = episode
 

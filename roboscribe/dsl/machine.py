@@ -84,6 +84,7 @@ class Machine:
         """The program is over, or the row is stuck. (B,)"""
         self.stuck: BoolArray = np.zeros(batch, dtype=np.bool_)
         """The row went round in control flow without a controller to run. (B,)"""
+        self._reached = np.zeros((batch, len(acts), len(layout.entities) + 1), dtype=np.bool_)
         self.served: IntArray = np.full(batch, NULL, dtype=np.int64)
         """Entity that the innermost loop around the acting controller serves, NULL outside loops over entities. (B,)"""
         self.bound: list[list[int]] = [[] for _ in range(batch)]
@@ -100,7 +101,7 @@ class Machine:
         self._served_times[:, rows] = 0
         self._entities[rows] = self.served[rows] = NULL
         self.run_index[rows] = -1
-        self.ended[rows] = self.stuck[rows] = self._resting[rows] = False
+        self.ended[rows] = self.stuck[rows] = self._resting[rows] = self._reached[rows] = False
         for row in rows:
             self.bound[row] = []
 
@@ -112,6 +113,14 @@ class Machine:
     def binding(self, row: int) -> dict[str, int]:
         """Return the entity that each variable of the program is bound to in one row, NULL where it is none."""
         return {name: int(entities[row]) for name, entities in self._binding.items()}
+
+    def never_reached(self, row: int) -> int:
+        """Return which of `controllers(program)` acts in a row and never yet reached its subgoal for whom it serves.
+
+        NULL where there is none: the program is over, or what was reached was lost again.
+        """
+        line = int(self.run_index[row])
+        return NULL if self.ended[row] or line < 0 or self._reached[row, line, self.served[row]] else line
 
     def advance(self, rows: IntArray, states: FloatArray) -> None:
         """Observe one more state in some rows and move each to the controller that shall act now, or to the end.
@@ -183,6 +192,7 @@ class Machine:
         self._streak[rows] = streak
         leaving: BoolArray = streak >= self._confirm
         self._place[rows[leaving]] += 1
+        self._reached[rows[leaving], act.index, self.served[rows[leaving]]] = True
         limit = self._limits.get(act.index)
         if limit is not None and act.head != NOWHERE:
             late = ~leaving & (self._steps[rows] >= limit)

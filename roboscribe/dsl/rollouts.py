@@ -23,8 +23,8 @@ class Rollouts:
         control_steps: control steps simulated, over all episodes.
         lines: index into `controllers(program)` of what acted at each step, (T,) by episode; -1 for nothing.
         served: entity that the innermost loop was serving at each step, (T,) by episode; NULL outside loops.
-        unreached: controller that had not yet reached its subgoal when the episode ended, by episode; "" where the
-            program was over.
+        unreached: controller at work when the episode ended, by episode, which never had reached its subgoal for whom
+            it served; "" where there was none.
     """
 
     layout: Layout

@@ -140,6 +140,23 @@ def test_what_slipped_off_waits_for_what_was_not_served_yet() -> None:
     assert machine.entities(rows(0)).tolist() == [[1]], "b1 is asked for still, but b2 was never served"
 
 
+def test_what_was_never_reached_is_told_from_what_was_lost_again() -> None:
+    """The block was reached, then not brought; that the hand is away from it again is not what is missing."""
+    loop = program("while ((b := get(λb:block. b↓x > 0.1)) ≠ null) { π_a(b) until μ↓x > 0.9; π_b(b) until b↓x < 0.1 }")
+    machine = Machine(loop, TWO, 1, limits={"b": 1}, confirm=1)
+    told = []
+    for gripper in (0.0, 1.0, 0.0, 1.0, 0.0):
+        observe(machine, state(gripper))
+        told.append((int(machine.served[0]), int(machine.run_index[0]), machine.never_reached(0)))
+    assert told == [(0, 0, 0), (0, 1, 1), (1, 0, 0), (1, 1, 1), (0, 0, NULL)]
+    machine.reset(rows(0))
+    observe(machine, state())
+    assert machine.never_reached(0) == 0, "a new episode knows nothing of the last"
+    observe(machine, state(first=0.0, second=0.0), state(1.0, 0.0, 0.0))
+    assert machine.ended[0]
+    assert machine.never_reached(0) == NULL
+
+
 def test_a_time_out_in_straight_line_code_changes_nothing() -> None:
     machine = Machine(program(f"π_a() until {NEAR}; π_b() until ¬true"), TWO, 1, limits={"a": 1}, confirm=1)
     assert observe(machine, *[state()] * 4, state(0.6)) == [0, 0, 0, 0, 1]
