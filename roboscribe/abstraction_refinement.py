@@ -95,9 +95,12 @@ def synthesize(
 
 
 def _refine(psi: str, found: Solution[Skills], line: Line[Skills], blind: FloatArray) -> tuple[Refinement, Tree] | Fail:
-    """Refine what stands in the way of ψ: an earlier subgoal that most failing episodes were stuck at, else ψ."""
+    """Refine what stands in the way of ψ: an earlier subgoal that most failing episodes were stuck at, else ψ.
+
+    Where few episodes fail that subgoal's controller is to blame, and not what comes before it.
+    """
     tree, outcome, earlier = found.tree, found.outcome, found.outcome.stuck_at
-    if earlier in {node.name for node in tree.nodes} - {psi}:
+    if earlier in {node.name for node in tree.nodes} - {psi} and not line.limits.nearly(outcome):
         failures = outcome.failures(earlier) if tree.predecessors(earlier) else blind
         refined = line.refine(failures, tree, earlier, optional=True)
         if line.exhausted or not isinstance(refined, Fail):
