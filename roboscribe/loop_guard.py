@@ -158,7 +158,9 @@ def order_of(
     )
     if found.best is not None and found.bits <= np.log2(waiting).sum():
         return (found.best,)
-    return partial_order(examples.thinned(), evidence, entity, learned)
+    partial = partial_order(examples.thinned(), evidence, entity, learned)
+    names = {entity: several.entities}
+    return tuple(p for p in partial if situations.filled(holds(p, several.states, names, evidence.layout)))
 
 
 def _with_some_situations(examples: Examples) -> Examples:

@@ -171,14 +171,14 @@ class ProgramTraining:
             task=self.task,
             until=run.until,
             variables=run_variables(run),
-            limit=self.limit(run),
+            limit=self.training_limit(run),
             confirm=self.config.confirm,
             continues_if=self.continues_if(run),
             scales=self.scales(run),
             invariant=self.invariant(run),
         )
 
-    def limit(self, run: Run) -> int:
+    def training_limit(self, run: Run) -> int:
         """Return the control steps that a controller may take in training."""
         usual = self.usual_steps.get(run.controller)
         return SLACK * usual if usual else self.task.horizon
@@ -261,7 +261,9 @@ class ProgramTraining:
             again: whether it was trained before: one that was chosen for its success on some starts shows its true
                 success on others.
         """
-        wanted = min(self._starts_wanted(run, self.config.pool.evaluation), max(1, int(most / 4 / self.limit(run))))
+        wanted = min(
+            self._starts_wanted(run, self.config.pool.evaluation), max(1, int(most / 4 / self.training_limit(run)))
+        )
         return self._starts(run, skills, wanted, HELD_OUT * most, "held out again" if again else "held out")
 
     def starts(

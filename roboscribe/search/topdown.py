@@ -297,8 +297,10 @@ class _CandidateEvaluator:
         bits = self.bits[costs] + self.exception_bits * exceptions
         better = np.argwhere(fit & (bits <= self.least))
         for i, j in better[np.argsort(bits[tuple(better.T)], kind="stable")]:
+            if bits[i, j] > self.least:
+                break
             chosen = (*beginning, after + int(i), after + int(j)) if length > 1 else (int(j),)
-            if bits[i, j] > self.least or not self._is_possible(chosen):
+            if not self._is_possible(chosen):
                 continue
             self.least = float(bits[i, j])
             missed = (self.shown - float(kept[i, j])) / max(1.0, self.shown)
