@@ -87,6 +87,14 @@ class Examples:
             self.choice[rows],
         )
 
+    def with_others(self, frames: IntArray, entities: IntArray) -> Examples:
+        """Add pairs (W,) of which nothing is said."""
+        nothing = np.zeros(len(frames), dtype=np.bool_)
+        labels = (np.concatenate([label, nothing]) for label in (self.positive, self.done, self.choice))
+        return Examples(
+            self.source, np.concatenate([self.frames, frames]), np.concatenate([self.entities, entities]), *labels
+        )
+
     def thinned(self) -> Examples:
         """Leave out examples evenly, but for choices, where there are too many."""
         kept = self.choice.copy()
@@ -123,19 +131,19 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
         return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
-    guard = conjunction([termination, *order_of(examples, evidence, entity, learned)])
+    guard = conjunction([termination, *order_of(examples, evidence, node.served, learned)])
     return guard if node.only == Truth() else negation_normal_form(guard)
 
 
 def order_of(
-    examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate]
+    examples: Examples, evidence: Evidence, served: Predicate, learned: Sequence[Predicate]
 ) -> tuple[Predicate, ...]:
     """Find what tells the entity that demonstrators turn to next from those that wait.
 
     Args:
         examples: labelled pairs.
-        evidence: demonstrations, for layout and types.
-        entity: v, the name that stands for the entity that an example is about.
+        evidence: demonstrations.
+        served: φ, about the entity that an example is about.
         learned: predicates about it alone.
 
     Returns:
@@ -148,26 +156,34 @@ def order_of(
     shown = examples[examples.choice]
     if shown.positive.all():
         return ()
-    waiting = np.unique(shown.frames, return_counts=True)[1]
-    exception = float(np.log2((waiting > 1).sum())) / 2  # whoever chooses otherwise leaves one and takes one
-    several = _with_some_situations(examples)
+    (entity,) = free_vars(served)
+    several = shown.with_others(*_waiting(examples, evidence, served, entity))
     situations = Situations(np.unique(several.frames, return_inverse=True)[1], several.choice, TOLERANCE)
     atoms = guard_atoms(several, evidence, entity, learned, moving=True)
+    of_each = np.unique(shown.frames, return_counts=True)[1]
+    exception = float(np.log2((of_each > 1).sum())) / 2  # whoever chooses otherwise leaves one and takes one
     found = enumerate_conjunctions(
         atoms, several.positive, CHOICE_TOLERANCE, exception_bits=exception, situations=situations
     )
-    if found.best is not None and found.bits <= np.log2(waiting).sum():
+    if found.best is not None and found.bits <= np.log2(of_each).sum():
         return (found.best,)
     partial = partial_order(examples.thinned(), evidence, entity, learned)
     names = {entity: several.entities}
     return tuple(p for p in partial if situations.filled(holds(p, several.states, names, evidence.layout)))
 
 
-def _with_some_situations(examples: Examples) -> Examples:
-    """Keep the choices, and of some other situations, taken evenly, everybody who waits."""
-    frames = np.unique(examples.frames[~examples.done & ~examples.choice])
-    some = frames[:: len(frames) // MOST_SITUATIONS + 1]
-    return examples[examples.choice | (~examples.done & np.isin(examples.frames, some))]
+def _waiting(examples: Examples, evidence: Evidence, served: Predicate, entity: str) -> tuple[IntArray, IntArray]:
+    """Return who waits in some of the situations of the examples, taken evenly: frames and entities, (W,) each.
+
+    What was done and is undone again waits, too, though it is no example of an order.
+    """
+    frames = np.unique(examples.frames[~examples.done])
+    frames = frames[:: len(frames) // MOST_SITUATIONS + 1]
+    members = np.array(evidence.layout.of_type(evidence.types[entity]))
+    frames, entities = np.repeat(frames, len(members)), np.tile(members, len(frames))
+    states = examples.source[frames]
+    waits = ~holds(served, states, {entity: entities}, evidence.layout, evidence.solved)
+    return frames[waits], entities[waits]
 
 
 def partial_order(

@@ -236,6 +236,22 @@ def test_two_demonstrations_show_no_order_by_accident(seed: int) -> None:
     assert predicate_synthesis(weighed(by_lot, seed, 2), TREE, AT_NODE) == Not(AT_NODE.predicate)
 
 
+def farthest_goal(masses: FloatArray) -> Choice:
+    """Take the block whose goal has the greatest x."""
+    return lambda hand, places, goals, left: max(left, key=lambda i: goals[i, 0])
+
+
+def test_what_is_undone_in_passing_waits_again() -> None:
+    """While the third block is carried, the first one is brushed aside for a while: nobody else may be chosen then."""
+    shown = weighed(farthest_goal, 0, 20)
+    first = WEIGHED.layout.columns[0, "position", False]
+    for trajectory in shown.trajectories:
+        trajectory.states[54:68, first] += 0.2
+    guard = predicate_synthesis(Evidence.of(shown.trajectories, WEIGHED.solved), TREE, AT_NODE)
+    at, other = AT.format("b1"), AT.format("b'")
+    assert guard == parse_predicate(f"¬({at}) ∧ ¬∃b':block. g(b1)↓x < g(b')↓x ∧ ¬({other})")
+
+
 def mostly_farthest(seed: int) -> Rule:
     """Take the block with the longest way, but for one choice in thirty."""
     rng = np.random.default_rng(seed)
