@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, assert_never
 
@@ -17,6 +16,7 @@ from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Predicate, Truth
 from roboscribe.pipelines.callbacks import Callbacks
 from roboscribe.pipelines.progress_bar import ProgressBar
+from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import TrainConfig
 from roboscribe.search.candidates import Candidate
 from roboscribe.stages.runtime.events import (
@@ -34,6 +34,7 @@ from roboscribe.stages.runtime.events import (
     RolledOut,
     Trained,
 )
+from roboscribe.steps import most_common
 
 ROWS = 5
 """Rows of a ranked table that are shown; all of them are tracked."""
@@ -144,8 +145,10 @@ def ranked_table(candidates: Iterable[Candidate]) -> Table:
 def tried_line(goal: str, counts: Mapping[str, Any]) -> str:
     """Say in how many episodes a program reached its goal, and where most of the others were stuck before it."""
     line = f"{goal} in {counts['successes']} of {counts['episodes']} episodes"
-    stuck, count = next(iter(Counter(counts.get("unreached", [])).most_common(1)), ("", 0))
-    return line if stuck in ("", goal) else f"{line}; {count} of the others did not get beyond π_{stuck}"
+    unreached = counts.get("unreached", [])
+    stuck = most_common(unreached)
+    told = stuck not in ("", goal, OPAQUE)
+    return f"{line}; {unreached.count(stuck)} of the others did not get beyond π_{stuck}" if told else line
 
 
 def training_line(report: Mapping[str, Any]) -> str:

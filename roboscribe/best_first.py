@@ -161,8 +161,12 @@ class Line(Generic[Skills]):
         options = self._once(lambda: self._options(failures, tree, psi))
         if isinstance(options, Fail):
             return options
-        if optional and not self._first_of_two():
-            return Fail(f"{psi} is not refined along this line")
+        if optional:
+            first = options.at(0)
+            if isinstance(first, Fail):
+                return first
+            if not self._first_of_two():
+                return Fail(f"{psi} is not refined along this line")
         rank = self._choose()
         refined = self._once(lambda: self._refined(options, rank))
         if isinstance(refined, Fail):

@@ -119,31 +119,28 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
         guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.served, node.role)
+    examples = loop_examples(evidence, node.served, node.role).thinned()
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
         return Truth()
     entity, nodes = node.role, (node, *tree.below(node.name))
     learned = tuple(dict.fromkeys(n.served for n in nodes if entity in free_vars(n.predicate)))
-    thinned = examples.thinned()
-    ended = thinned[thinned.positive | thinned.done]
+    ended = examples[examples.positive | examples.done]
     termination = top_down_enum(guard_atoms(ended, evidence, entity, learned), ended.positive, TOLERANCE)
     if termination is None:
         return Fail(f"no loop guard separates handled entities from unhandled ones for {node.name}")
-    guard = conjunction([termination, *order_of(examples, evidence, node.served, learned)])
+    guard = conjunction([termination, *order_of(examples, evidence, node, learned)])
     return guard if node.only == Truth() else negation_normal_form(guard)
 
 
-def order_of(
-    examples: Examples, evidence: Evidence, served: Predicate, learned: Sequence[Predicate]
-) -> tuple[Predicate, ...]:
+def order_of(examples: Examples, evidence: Evidence, node: Node, learned: Sequence[Predicate]) -> tuple[Predicate, ...]:
     """Find what tells the entity that demonstrators turn to next from those that wait.
 
     Args:
         examples: labelled pairs.
         evidence: demonstrations.
-        served: φ, about the entity that an example is about.
+        node: the circular node, whose role an example's entity plays.
         learned: predicates about it alone.
 
     Returns:
@@ -156,43 +153,52 @@ def order_of(
     shown = examples[examples.choice]
     if shown.positive.all():
         return ()
-    (entity,) = free_vars(served)
-    several = shown.with_others(*_waiting(examples, evidence, served, entity))
-    situations = Situations(np.unique(several.frames, return_inverse=True)[1], several.choice, TOLERANCE)
-    atoms = guard_atoms(several, evidence, entity, learned, moving=True)
+    waiting = _waiting(examples, evidence, node)
+    several, entity = shown.with_others(*waiting), node.role
     of_each = np.unique(shown.frames, return_counts=True)[1]
-    exception = float(np.log2((of_each > 1).sum())) / 2  # whoever chooses otherwise leaves one and takes one
     found = enumerate_conjunctions(
-        atoms, several.positive, CHOICE_TOLERANCE, exception_bits=exception, situations=situations
+        guard_atoms(several, evidence, entity, learned, moving=True),
+        several.positive,
+        CHOICE_TOLERANCE,
+        exception_bits=float(np.log2((of_each > 1).sum())) / 2,  # whoever chooses otherwise leaves one and takes one
+        most_bits=float(np.log2(of_each).sum()),
+        situations=_situations(several, len(shown.frames)),
     )
-    if found.best is not None and found.bits <= np.log2(of_each).sum():
-        return (found.best,)
-    partial = partial_order(examples.thinned(), evidence, entity, learned)
-    names = {entity: several.entities}
-    return tuple(p for p in partial if situations.filled(holds(p, several.states, names, evidence.layout)))
+    return partial_order(examples, waiting, evidence, entity, learned) if found.best is None else (found.best,)
 
 
-def _waiting(examples: Examples, evidence: Evidence, served: Predicate, entity: str) -> tuple[IntArray, IntArray]:
+def _situations(several: Examples, judged: int) -> Situations:
+    """Tell which examples stand side by side; the first so many count as examples, too."""
+    ranks = np.unique(several.frames, return_inverse=True)[1]
+    return Situations(ranks, np.arange(len(ranks)) < judged, TOLERANCE)
+
+
+def _waiting(examples: Examples, evidence: Evidence, node: Node) -> tuple[IntArray, IntArray]:
     """Return who waits in some of the situations of the examples, taken evenly: frames and entities, (W,) each.
 
     What was done and is undone again waits, too, though it is no example of an order.
     """
     frames = np.unique(examples.frames[~examples.done])
     frames = frames[:: len(frames) // MOST_SITUATIONS + 1]
-    members = np.array(evidence.layout.of_type(evidence.types[entity]))
+    members = np.array(evidence.layout.of_type(evidence.types[node.role]))
     frames, entities = np.repeat(frames, len(members)), np.tile(members, len(frames))
-    states = examples.source[frames]
-    waits = ~holds(served, states, {entity: entities}, evidence.layout, evidence.solved)
+    binding = {node.role: entities}
+    waits = ~holds(node.served, examples.source[frames], binding, evidence.layout, evidence.solved)
     return frames[waits], entities[waits]
 
 
 def partial_order(
-    examples: Examples, evidence: Evidence, entity: str, learned: Sequence[Predicate]
+    examples: Examples,
+    waiting: tuple[IntArray, IntArray],
+    evidence: Evidence,
+    entity: str,
+    learned: Sequence[Predicate],
 ) -> tuple[Predicate, ...]:
     """Find what demonstrators heed whenever they turn to another entity, where it leaves some of them to chance.
 
     Args:
         examples: labelled pairs.
+        waiting: frames and entities (W,) of whom somebody has to be admitted.
         evidence: demonstrations, for layout and types.
         entity: v, the name that stands for the entity that an example is about.
         learned: predicates about it alone.
@@ -202,7 +208,9 @@ def partial_order(
         hardly ever have broken it.
     """
     shown = examples[examples.positive | examples.choice]
-    order = strictest_literal(guard_atoms(shown, evidence, entity, learned), shown.positive, TOLERANCE)
+    several = shown.with_others(*waiting)
+    atoms = guard_atoms(several, evidence, entity, learned)
+    order = strictest_literal(atoms, several.positive, TOLERANCE, _situations(several, len(shown.frames)))
     turns = np.unique(shown.frames[shown.choice & ~shown.positive]).size
     broken = turns * order.refused
     return (order.predicate,) if broken >= BROKEN else ()

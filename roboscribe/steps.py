@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Generic, TypeAlias, TypeVar
@@ -37,13 +37,18 @@ def wilson(successes: int, episodes: int, z: float = Z95) -> tuple[float, float]
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
+def most_common(names: Sequence[str]) -> str:
+    """Return the name that more than half of all are; "" where there is no such one."""
+    return next((name for name, count in Counter(names).items() if 2 * count > len(names)), "")
+
+
 @dataclass(frozen=True, eq=False)
 class Failure:
     """One failing episode.
 
     Args:
         states: (T, F), entities named in the order of their binding; where the episode failed within a loop, only
-            those in which the loop served the entity that it failed at, first named. None where physics broke.
+            those in which the loop served the entity that it failed at, first named; (0, F) where physics broke.
         unreached: subgoal that the episode ended at without ever having reached it; "" where there was none.
     """
 
@@ -68,8 +73,7 @@ class Outcome:
     @property
     def stuck_at(self) -> str:
         """Subgoal that most of the failing episodes ended at and never had reached; "" where there is no such one."""
-        counts = Counter(each.unreached for each in self.lost)
-        return next((name for name, count in counts.items() if 2 * count > len(self.lost)), "")
+        return most_common([each.unreached for each in self.lost])
 
     def failures(self, unreached: str | None = None) -> FloatArray:
         """Return N_s, (M, F): states of the failing episodes, or of those alone that were stuck at a subgoal."""

@@ -13,7 +13,7 @@ from roboscribe.stages.runtime import cli
 from roboscribe.stages.runtime.controller_files import read_runnable
 from roboscribe.stages.runtime.files import EPISODES, FAILURES, OUTCOME, write_json
 from roboscribe.stages.runtime.progress import ProgressCallback, episode_progress, ignore_progress
-from roboscribe.stages.runtime.serialization import lost_bytes
+from roboscribe.stages.runtime.serialization import failures_bytes, lost_to_json
 from roboscribe.stages.runtime.store import Inputs, Stage
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.steps import Limits, Outcome
@@ -65,11 +65,11 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         )
     )
     outcome = Outcome.total(map(Outcome.of, done))
-    write_file(out / FAILURES, lost_bytes(outcome))
+    write_file(out / FAILURES, failures_bytes(outcome.failures()))
     ended = [Endings.of(rollouts) for rollouts in done]
     seeds = trial_seeds(config.seed, config.goal, sum(len(each.success) for each in ended))
     write_json(out / EPISODES, episode_table(ended, seeds))
-    write_json(out / OUTCOME, {**summary(ended), "unreached": [each.unreached for each in outcome.lost]})
+    write_json(out / OUTCOME, {**summary(ended), **lost_to_json(outcome.lost)})
 
 
 STAGE = Stage("roll_out", Config, run)

@@ -175,6 +175,15 @@ def test_where_nothing_explains_what_episodes_are_stuck_at_the_goal_is_refined_a
     assert story.asked.count(("at", "at")) == 1
 
 
+def test_where_no_tree_with_the_explanation_can_be_right_the_goal_is_refined_at_once() -> None:
+    """Formerly the line without the explanation was taken up once more, and all that follows trained again."""
+    rates = {("at", "at"): 12, **root(9, "at"), ("other", "at other"): 20, **root(9, "at other")}
+    lessons, stuck = {ROOT: [AT1, OTHER], "at": [HOLD1]}, {(ROOT, "at"): "at"}
+    story = Story(rates, lessons, invalid={"hold": Fail("not so")}, stuck=stuck)
+    roboscribe(story.steps(), 0, Limits(programs=8))
+    assert story.asked.count(("other", "at other")) == 1
+
+
 def test_a_subgoal_that_does_not_help_is_removed() -> None:
     """After the other was found the task is solved without the first as often."""
     story = Story({**TWO_STEPS, **root(20, "other")}, {ROOT: [AT1, OTHER]})

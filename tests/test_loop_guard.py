@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from roboscribe.dsl.parser import parse_predicate
+from roboscribe.dsl.printer import text
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import Not, Predicate, Truth
 from roboscribe.envs.point_world import PointTask
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, loop_examples, predicate_synthesis
+from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import Attribute, BoolArray, FloatArray, Layout, ObjectType
 from roboscribe.world.trajectory import Trajectory
 from tests.handmade import AT, HOLD, Choice, bottom_up, chain, evidence, legs, nearest_first, node, state, top_down
@@ -228,6 +230,21 @@ def test_an_order_by_the_distance_to_something_without_like_is_found() -> None:
     assert "‖m1↓xz − " in str(guard)
     right = [chosen == [i % 3] for i, chosen in enumerate(admitted(guard, marked(1, 30)))]
     assert np.mean(right) >= 0.95
+
+
+def test_a_loop_may_bring_entities_to_another_one() -> None:
+    """What it brings about is about two entities; one of them is the one that a guard is about."""
+    into = Node("into", parse_predicate("norm(b1.xz - m1.xz) < 0.2"), circular=True, over="b1")
+    rng = np.random.default_rng(0)
+    shown = []
+    for _ in range(20):
+        places, goals = rng.uniform(0.0, 1.0, (3, 2)), np.array([[2.0, 0.1], [2.1, 0.0], [2.0, 0.0]])
+        states = legs(MARKED, np.zeros(2), places, goals, leftmost(places))
+        states[:, MARKED.columns[3, "position", False]] = goals[-1]
+        shown.append(Trajectory(MARKED, states))
+    guard = predicate_synthesis(Evidence.of(shown, placed), chain(into), into)
+    assert not isinstance(guard, Fail)
+    assert "¬∃b':block. b'↓x < b1↓x" in text(guard)
 
 
 @pytest.mark.parametrize("seed", range(5))

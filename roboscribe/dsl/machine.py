@@ -191,8 +191,10 @@ class Machine:
         streak = np.where(self._holds(act.until, act.needs, rows, states), self._streak[rows] + 1, 0)
         self._streak[rows] = streak
         leaving: BoolArray = streak >= self._confirm
-        self._place[rows[leaving]] += 1
-        self._reached[rows[leaving], act.index, self.served[rows[leaving]]] = True
+        if leaving.any():
+            gone = rows[leaving]
+            self._place[gone] += 1
+            self._reached[gone, act.index, self.served[gone]] = True
         limit = self._limits.get(act.index)
         if limit is not None and act.head != NOWHERE:
             late = ~leaving & (self._steps[rows] >= limit)

@@ -28,6 +28,10 @@ class TrainingStarts:
         pool, self.control_steps = self.find()
         return pool
 
+    def counted(self, evaluator: SkillEvaluator) -> SkillEvaluator:
+        """Return an evaluator that may spend so much less as it took to find them."""
+        return replace(evaluator, allowance=evaluator.allowance - self.control_steps)
+
 
 def best_warm_start(
     training: ProgramTraining,
@@ -62,8 +66,7 @@ def _clone(
             return clone_frames(fresh, frames.samples(), evaluator, config, seed)
         case "states":
             spec, pool = training.spec(run, speeds=True), starts.pool
-            within = replace(evaluator, allowance=evaluator.allowance - starts.control_steps)
-            return clone_states(fresh, frames, pool, spec, within, config, seed)
+            return clone_states(fresh, frames, pool, spec, starts.counted(evaluator), config, seed)
         case "paper" | "scripted":
             return None
         case other:

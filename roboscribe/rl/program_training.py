@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from zlib import crc32
 
 import numpy as np
@@ -35,8 +36,8 @@ SLACK = 2
 """Times what its segments usually take that a controller may take in training: it may be slower than it was shown."""
 SETTLING = 2
 """Times the steps of confirmation that a controller has in a loop beyond what its segments usually take."""
-HELD_OUT = 1 / 6
-"""Share of the control steps of a controller that it may take to find what it is measured on."""
+HELD_OUT, TO_TRAIN_FROM = 1 / 6, 1 / 3
+"""Shares of the control steps of a controller that it may take to find what it is measured on, and trained from."""
 SEEDS = 2**31
 """Seeds are drawn below this, so that they fit into 32 bits, with a sign or without."""
 
@@ -267,17 +268,19 @@ class ProgramTraining:
         return self._starts(run, skills, wanted, HELD_OUT * most, "held out again" if again else "held out")
 
     def starts(
-        self, run: Run, skills: Mapping[str, Skill], most: float, *, again: bool = False
+        self, run: Run, skills: Mapping[str, Skill], most: float, left: float = inf, *, again: bool = False
     ) -> tuple[StartPool, int]:
         """Return starts from which a controller is trained, and the control steps that it took to find them.
 
         Args:
             run: the controller's statement.
             skills: controllers so far.
-            most: control steps that this may take.
+            most: control steps that may be spent on the controller.
+            left: of them.
             again: as in `held_out`.
         """
         wanted = self._starts_wanted(run, self.config.pool.starts)
+        most = min(TO_TRAIN_FROM * most, left)
         return self._starts(run, skills, wanted, most, "starts again" if again else "starts")
 
     def _starts_wanted(self, run: Run, usual: int) -> int:

@@ -27,8 +27,6 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 """Receives a controller's name, metrics by name, and the control steps spent on it so far."""
 
 
-TO_TRAIN_FROM = 1 / 3
-"""Share of the control steps of a skill that it may take to find what it is trained from."""
 LONGEST = 4
 """Times `TrainConfig.assurance` that a screening may take."""
 
@@ -281,17 +279,14 @@ def _train(
     config = training.config
     world = training.task.world(config.pool.batch)
     evaluator = SkillEvaluator(training.subtask(run), held_out, world, config.pool.screening, most - spent)
-    starts = TrainingStarts(
-        lambda: training.starts(run, skills, min(TO_TRAIN_FROM * most, evaluator.rest), again=job.again)
-    )
+    starts = TrainingStarts(lambda: training.starts(run, skills, most, evaluator.rest, again=job.again))
     warm, rate, learner = best_warm_start(training, run, skills, starts, evaluator)
-    spent += evaluator.world.control_steps + starts.control_steps
-    context.log(run.controller, {"warm_success": rate}, spent)
-    report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent)
+    report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent + evaluator.world.control_steps)
+    context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
     budget = config.learning_steps if job.again else _budget(training, run, rate)
-    if rate >= training.target(run) or not job.reinforce or not budget:
-        return warm, report
-    return _improve(training, context, job, warm, report, starts, evaluator, budget)
+    if rate < training.target(run) and job.reinforce and budget:
+        warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)
+    return warm, replace(report, control_steps=report.control_steps + starts.control_steps)
 
 
 def _improve(
@@ -304,20 +299,20 @@ def _improve(
     evaluator: SkillEvaluator,
     budget: int,
 ) -> tuple[Skill, SkillReport]:
-    """Improve a warm start by reinforcement learning; what is returned is never worse."""
-    settings, rate = training.config.pool, report.success
-    found_before = starts.control_steps
-    pool = starts.pool
-    spent = report.control_steps + starts.control_steps - found_before
+    """Improve a warm start by reinforcement learning; what is returned is never worse.
+
+    Reports leave out what it took to find the starts.
+    """
+    settings, rate, spent, pool = training.config.pool, report.success, report.control_steps, starts.pool
     if not len(pool):
-        return warm, replace(report, control_steps=spent)
-    evaluator = replace(evaluator, allowance=evaluator.allowance - starts.control_steps)
+        return warm, report
+    evaluator = starts.counted(evaluator)
     if rate > settings.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
         tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
         pool, spent = pool.oversample_hard(~tried.success, settings.repeats), spent + tried.control_steps
 
     def log(metrics: Mapping[str, float], step: int) -> None:
-        context.log(job.run.controller, metrics, spent + step)
+        context.log(job.run.controller, metrics, spent + starts.control_steps + step)
 
     task = LearnerTask(evaluator.subtask, pool, evaluator, training.target(job.run), budget, evaluator.rest)
     learned, by = _reinforce(training, warm, rate, task, log, context.file(f"{job.title}.progress"))

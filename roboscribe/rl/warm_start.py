@@ -165,7 +165,8 @@ def clone_states(
         )
         if found is not None and (best is None or found[1] > best[1]):
             best = found
-        if best is None or best[1] >= config.target or evaluator.rest < len(pool) * config.inverse.rollout_steps:
+        affordable = len(pool) and evaluator.rest >= len(pool) * config.inverse.rollout_steps
+        if best is None or best[1] >= config.target or not affordable:
             break
         own = explore(evaluator.world, pool, best[0], config.inverse, rng)
         data = Transitions.concatenated([data, own])

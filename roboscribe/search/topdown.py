@@ -10,16 +10,18 @@ one product of matrices.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from roboscribe.dsl.rewrite import conjunction
 from roboscribe.dsl.syntax import And, Exists, Not, Predicate, Truth, Var
-from roboscribe.world.layout import BoolArray, FloatArray, IntArray
+from roboscribe.world.layout import BoolArray, IntArray
 
 LONGEST = 3
 """Most literals of a conjunction."""
@@ -55,12 +57,10 @@ class Enumeration:
         best: the separating predicate that costs least, its exceptions counted, of equals the most accurate; None when
             there is none.
         candidates: conjunctions judged.
-        bits: what it takes to name the best among those that cost no more, and its exceptions.
     """
 
     best: Predicate | None
     candidates: int
-    bits: float = inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +77,16 @@ class Situations:
     judged: BoolArray
     most_empty: float
 
+    @cached_property
+    def count(self) -> int:
+        """How many there are."""
+        return int(self.of.max(initial=-1)) + 1
+
     def filled(self, truth: BoolArray) -> bool:
         """Tell whether a predicate with this truth (X,) is true of some example in enough situations."""
-        found = np.zeros(int(self.of.max(initial=-1)) + 1, dtype=np.bool_)
+        found = np.zeros(self.count, dtype=np.bool_)
         found[self.of[truth]] = True
-        return float(np.count_nonzero(~found)) <= self.most_empty * len(found)
+        return float(np.count_nonzero(~found)) <= self.most_empty * self.count
 
 
 def top_down_enum(atoms: Atoms, positive: BoolArray, tolerance: float) -> Predicate | None:
@@ -106,6 +111,7 @@ def enumerate_conjunctions(
     tolerance: float,
     budget: int = BUDGET,
     exception_bits: float = 0.0,
+    most_bits: float = inf,
     situations: Situations | None = None,
 ) -> Enumeration:
     """Judge every conjunction of up to three literals, as long as the budget lasts.
@@ -117,29 +123,23 @@ def enumerate_conjunctions(
         budget: most conjunctions judged.
         exception_bits: what it takes to say of one example that it is judged wrongly, compared with what it takes to
             name the predicate among those that cost no more; 0 takes the cheapest whatever exceptions it needs.
+        most_bits: that this may take, and naming the predicate.
         situations: in which the predicate has to be true of some examples; None asks for none.
     """
-    atoms, kinds = _distinct_examples(atoms, len(positive))
-    judged = np.ones_like(positive) if situations is None else situations.judged
-    positives, negatives = _count(kinds, positive & judged), _count(kinds, ~positive & judged)
-
-    def possible(truth: BoolArray) -> bool:
-        return situations is None or situations.filled(truth[kinds])
-
-    offered, counted = literals(atoms), (positives + negatives) > 0
+    kinds = _count_kinds(atoms, positive, situations)
+    offered, counted = literals(kinds.atoms), (kinds.positives + kinds.negatives) > 0
     evaluator = _CandidateEvaluator(
-        literals=_differing([each for each in offered if possible(each.truth)], counted),
+        literals=[each for each in offered if kinds.possible(each.truth)],
         on_offer=counts_by_cost([each.cost for each in _differing(offered, counted)]),
-        positives=positives,
-        negatives=negatives,
+        kinds=kinds,
         tolerance=tolerance,
         budget=budget,
         exception_bits=exception_bits,
-        possible=possible,
+        least=most_bits,
     )
     for length in range(1, LONGEST + 1):
         evaluator.judge_all(length)
-    return Enumeration(evaluator.best(), evaluator.candidates, evaluator.least)
+    return Enumeration(evaluator.best(), evaluator.candidates)
 
 
 @dataclass(frozen=True)
@@ -150,24 +150,27 @@ class Strictest:
     refused: float
 
 
-def strictest_literal(atoms: Atoms, positive: BoolArray, tolerance: float) -> Strictest:
+def strictest_literal(
+    atoms: Atoms, positive: BoolArray, tolerance: float, situations: Situations | None = None
+) -> Strictest:
     """Find the literal that refuses the most negative examples, but no positive ones.
 
     Args:
         atoms: literals' atoms with their truth on X examples.
         positive: (X,) labels.
         tolerance: share of the positives that may be refused; literals whose refusals differ by less are equal.
+        situations: as in `enumerate_conjunctions`.
 
     Returns:
         The strictest literal, of equals the cheapest; True, which refuses none, where there is no other.
     """
-    atoms, kinds = _distinct_examples(atoms, len(positive))
-    positives, negatives = _count(kinds, positive), _count(kinds, ~positive)
+    kinds = _count_kinds(atoms, positive, situations)
 
-    def refused(literal: Literal, examples: FloatArray) -> float:
+    def refused(literal: Literal, examples: NDArray[np.float32]) -> float:
         return float(examples @ ~literal.truth) / max(1.0, float(examples.sum()))
 
-    fit = [(refused(p, negatives), p) for p in literals(atoms) if refused(p, positives) <= tolerance]
+    possible = [p for p in literals(kinds.atoms) if kinds.possible(p.truth)]
+    fit = [(refused(p, kinds.negatives), p) for p in possible if refused(p, kinds.positives) <= tolerance]
     most = max((share for share, _ in fit), default=0.0)
     equals = [(share, p) for share, p in fit if share >= most - tolerance]
     if not equals:
@@ -211,12 +214,41 @@ def _exists(atoms: Atoms, body: Predicate, cost: int, truth: BoolArray) -> Liter
     return Literal(Exists(atoms.var, atoms.kind, body), cost + EXISTS_COST, somewhere)
 
 
-def _count(kinds: IntArray, which: BoolArray) -> FloatArray:
-    """Count the examples (X,) of each kind, (K,).
+@dataclass(frozen=True, eq=False)
+class _Kinds:
+    """Examples on which all atoms agree are of one kind.
+
+    Args:
+        atoms: with their truth on each kind, (K,).
+        of: (X,) kind of each example.
+        positives: (K,) float32, how many positive examples there are of each kind.
+        negatives: (K,) how many negative ones.
+        situations: in which a predicate has to be true of some examples.
+    """
+
+    atoms: Atoms
+    of: IntArray
+    positives: NDArray[np.float32]
+    negatives: NDArray[np.float32]
+    situations: Situations | None
+
+    def possible(self, truth: BoolArray) -> bool:
+        """Tell whether a predicate with some truth (K,) may be taken."""
+        return self.situations is None or self.situations.filled(truth[self.of])
+
+
+def _count_kinds(atoms: Atoms, positive: BoolArray, situations: Situations | None) -> _Kinds:
+    """Keep one of all examples on which every atom is equally true; count the positive and negative ones of each.
 
     Counts are float32, exact up to 16 million, because their products are the whole cost of a search.
     """
-    return np.bincount(kinds[which], minlength=kinds.max(initial=-1) + 1).astype(np.float32)
+    atoms, kinds = _distinct_examples(atoms, len(positive))
+    judged = np.ones_like(positive) if situations is None else situations.judged
+    count = kinds.max(initial=-1) + 1
+    positives, negatives = (
+        np.bincount(kinds[label & judged], minlength=count).astype(np.float32) for label in (positive, ~positive)
+    )
+    return _Kinds(atoms, kinds, positives, negatives, situations)
 
 
 def _distinct_examples(atoms: Atoms, examples: int) -> tuple[Atoms, IntArray]:
@@ -240,30 +272,27 @@ class _CandidateEvaluator:
     Args:
         literals: what conjunctions are made of.
         on_offer: by cost, how many literals, and pairs of them, there are to choose from, see `counts_by_cost`.
-        positives: (X,) float32, how many positive examples there are of each kind.
-        negatives: (X,) how many negative ones.
+        kinds: of examples.
         tolerance: share of either that may be judged wrongly.
         budget: most candidates.
         exception_bits: as in `enumerate_conjunctions`.
-        possible: whether a predicate with some truth (X,) may be taken.
+        least: bits of the best so far; at first those that it may take.
     """
 
     literals: list[Literal]
     on_offer: IntArray
-    positives: FloatArray
-    negatives: FloatArray
+    kinds: _Kinds
     tolerance: float
     budget: int
     exception_bits: float
-    possible: Callable[[BoolArray], bool]
+    least: float
     candidates: int = 0
-    least: float = inf
     found: list[tuple[float, int, float, tuple[int, ...]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Leave out literals that reject too many positives: no conjunction with them can separate."""
-        counted = (self.positives + self.negatives) > 0
-        self.positives, self.negatives = self.positives[counted], self.negatives[counted]
+        counted = (self.kinds.positives + self.kinds.negatives) > 0
+        self.positives, self.negatives = self.kinds.positives[counted], self.kinds.negatives[counted]
         self.shown, self.hidden = float(self.positives.sum()), float(self.negatives.sum())
         tables = np.zeros((len(self.literals), len(self.positives)), dtype=np.float32)
         for table, literal in zip(tables, self.literals, strict=True):
@@ -309,7 +338,9 @@ class _CandidateEvaluator:
 
     def _is_possible(self, chosen: tuple[int, ...]) -> bool:
         """Tell whether a conjunction may be taken."""
-        return self.possible(np.logical_and.reduce([self.literals[rank].truth for rank in chosen]))
+        if self.kinds.situations is None:
+            return True
+        return self.kinds.possible(np.logical_and.reduce([self.literals[rank].truth for rank in chosen]))
 
     def _errors(self, examples: float) -> float:
         """Return how many of so many examples may be judged wrongly."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -83,25 +83,17 @@ def read_failures(path: Path) -> FloatArray:
     Raises:
         ArtifactError: the file is damaged.
     """
-    states = _read_states(path)
-    if "failures" not in states:
-        msg = f"{path}: found {', '.join(states) or 'nothing'}, expected failing states"
-        raise ArtifactError(msg)
-    return states["failures"]
-
-
-def _read_states(path: Path) -> dict[str, FloatArray]:
     try:
-        return safetensors.load_file(path)
-    except (OSError, SafetensorError) as error:
+        failures: FloatArray = safetensors.load_file(path)["failures"]
+    except (OSError, SafetensorError, KeyError) as error:
         msg = f"{path}: cannot be read as failing states ({error})"
         raise ArtifactError(msg) from error
+    return failures
 
 
-def lost_bytes(outcome: Outcome) -> bytes:
-    """Encode the states of failing episodes, one after the other, with how many each has."""
-    lengths = np.array([len(each.states) for each in outcome.lost], dtype=np.int64)
-    return safetensors.save({"failures": np.ascontiguousarray(outcome.failures()), "lengths": lengths})
+def lost_to_json(lost: Sequence[Failure]) -> dict[str, Json]:
+    """Describe failing episodes, whose states lie one after the other in a file of their own."""
+    return {"lengths": [len(each.states) for each in lost], "unreached": [each.unreached for each in lost]}
 
 
 def read_outcome(out: Path) -> Outcome:
@@ -110,13 +102,16 @@ def read_outcome(out: Path) -> Outcome:
     Raises:
         ArtifactError: a file is damaged, or they do not belong together.
     """
-    value, lost = read_json(out / OUTCOME), _read_states(out / FAILURES)
+    value, failures = read_json(out / OUTCOME), read_failures(out / FAILURES)
     try:
-        ends = np.cumsum(lost["lengths"])
-        states = np.split(lost["failures"], ends)[:-1]
-        failures = tuple(Failure(part, str(name)) for part, name in zip(states, value["unreached"], strict=True))
-        return Outcome(int(value["successes"]), int(value["episodes"]), failures)
-    except (KeyError, ValueError) as error:
+        lengths = np.array(value["lengths"], dtype=np.int64)
+        if lengths.sum() != len(failures):
+            msg = f"{len(failures)} states where {lengths.sum()} are expected"
+            raise ValueError(msg)
+        states = np.split(failures, np.cumsum(lengths))[:-1]
+        lost = tuple(Failure(part, str(name)) for part, name in zip(states, value["unreached"], strict=True))
+        return Outcome(int(value["successes"]), int(value["episodes"]), lost)
+    except (KeyError, TypeError, ValueError) as error:
         msg = f"{out}: found no outcome of rollouts ({error})"
         raise ArtifactError(msg) from error
 

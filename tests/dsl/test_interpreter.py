@@ -75,6 +75,24 @@ def test_the_horizon_and_divergence_are_failures_and_the_others_go_on() -> None:
     assert [len(lines) for lines in short.lines] == [5] * len(SEEDS)
 
 
+def test_episodes_end_at_what_they_never_reached() -> None:
+    """Whoever cannot place holds the block in the end; whoever cannot grasp does not get that far."""
+    for broken, unreached in (("", ""), (PLACE.controller, PLACE.controller), (PICK.controller, PICK.controller)):
+        crew = {name: Standing() if name == broken else each for name, each in CONTROLLERS.items()}
+        runs = execute(PICK_AND_PLACE, crew, Stacking(1), SEEDS, limits={}, horizon=60)
+        assert runs.success.all() == (not broken)
+        if broken:
+            assert set(runs.unreached) == {unreached}
+
+
+class Standing:
+    """Never moves."""
+
+    def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
+        """Command nothing."""
+        return np.zeros((len(states), Stacking(1).action_size))
+
+
 def test_a_subgoal_succeeds_at_the_program_s_end() -> None:
     grasp = Program("Grasp", Seq((Get(B, "block", Truth()), PICK)))
     runs = execute(grasp, CONTROLLERS, Stacking(1), SEEDS, limits={}, until_end=True, confirm=2)

@@ -20,7 +20,7 @@ from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS, re
 from roboscribe.stages.runtime.files import FAILURES, OUTCOME, REFINEMENT, read_fail, read_json, write_fail, write_json
 from roboscribe.stages.runtime.serialization import (
     failures_bytes,
-    lost_bytes,
+    lost_to_json,
     read_failures,
     read_outcome,
     read_refinement,
@@ -104,9 +104,9 @@ def outcome() -> Outcome:
 
 def write_outcome(out: Path, outcome: Outcome) -> None:
     """Write an outcome as the stage does."""
-    names: list[Json] = [each.unreached for each in outcome.lost]
-    write_json(out / OUTCOME, {"successes": outcome.successes, "episodes": outcome.episodes, "unreached": names})
-    (out / FAILURES).write_bytes(lost_bytes(outcome))
+    figures: dict[str, Json] = {"successes": outcome.successes, "episodes": outcome.episodes}
+    write_json(out / OUTCOME, {**figures, **lost_to_json(outcome.lost)})
+    (out / FAILURES).write_bytes(failures_bytes(outcome.failures()))
 
 
 @pytest.mark.parametrize("lost", [0, 1, 3])
@@ -130,7 +130,15 @@ def test_damaged_failures_are_refused(tmp_path: Path) -> None:
 
 def test_failures_of_other_episodes_are_refused(tmp_path: Path) -> None:
     write_outcome(tmp_path, outcome())
-    (tmp_path / FAILURES).write_bytes(lost_bytes(Outcome(4, 5, outcome().lost[:1])))
+    (tmp_path / FAILURES).write_bytes(failures_bytes(outcome().failures("at")[:-1]))
+    with pytest.raises(ArtifactError, match="4 states where 5 are expected"):
+        read_outcome(tmp_path)
+
+
+@pytest.mark.parametrize("unreached", [None, ["at"]])
+def test_what_is_no_outcome_is_refused(unreached: Json, tmp_path: Path) -> None:
+    write_outcome(tmp_path, outcome())
+    write_json(tmp_path / OUTCOME, {**read_json(tmp_path / OUTCOME), "unreached": unreached})
     with pytest.raises(ArtifactError, match="found no outcome"):
         read_outcome(tmp_path)
 
