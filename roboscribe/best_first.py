@@ -76,12 +76,12 @@ class Search(Generic[Skills]):
         """Whether a promising best program owes its failures to its controllers more likely than to its subgoals.
 
         That is so before a line gives up all that it stands on, beginning with its first subgoal; before any line where
-        it fails hardly more often than is allowed.
+        it perhaps fails hardly more often than is allowed.
         """
         best = self.best
         if best is None or best is self.trained_again or self.trained >= self.limits.programs:
             return False
-        return (begins_otherwise and best.outcome.rate >= PROMISING) or self.limits.nearly(best.outcome)
+        return (begins_otherwise and best.outcome.rate >= PROMISING) or self.limits.perhaps_nearly(best.outcome)
 
     def _train_again(self) -> None:
         """Train the controllers of the best program once more; what becomes better by that may be trained again."""

@@ -286,6 +286,10 @@ class Limits:
         """Whether a program fails hardly more often than is allowed: another abstraction would hardly do better."""
         return 1.0 - outcome.rate <= NEARLY * (1.0 - self.success)
 
+    def perhaps_nearly(self, outcome: Outcome) -> bool:
+        """Whether an outcome cannot be told apart from one that fails hardly more often than is allowed."""
+        return 1.0 - outcome.interval[1] <= NEARLY * (1.0 - self.success)
+
     def undecided(self, outcome: Outcome) -> bool:
         """Whether an outcome cannot be told apart from what is wanted: its interval reaches that far."""
         return outcome.interval[1] >= self.success
