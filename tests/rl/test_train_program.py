@@ -83,10 +83,10 @@ def test_what_a_clone_reaches_needs_no_starts_to_train_from(monkeypatch: pytest.
     find = ProgramTraining.starts
 
     def starts(
-        self: ProgramTraining, run: Run, skills: Mapping[str, Skill], most: float, *, again: bool = False
+        self: ProgramTraining, run: Run, skills: Mapping[str, Skill], most: float, left: float, *, again: bool = False
     ) -> tuple[StartPool, int]:
         looked_for.append(run.controller)
-        return find(self, run, skills, most, again=again)
+        return find(self, run, skills, most, left, again=again)
 
     monkeypatch.setattr(ProgramTraining, "starts", starts)
     train_program(TASK, PROGRAM, SHOWN, {}, replace(QUICK, target=0.0), 0)
