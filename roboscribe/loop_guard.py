@@ -154,23 +154,24 @@ def order_of(examples: Examples, evidence: Evidence, node: Node, learned: Sequen
     if shown.positive.all():
         return ()
     waiting = _waiting(examples, evidence, node)
-    several, entity = shown.with_others(*waiting), node.role
+    several, situations = _beside_others(shown, waiting)
     of_each = np.unique(shown.frames, return_counts=True)[1]
     found = enumerate_conjunctions(
-        guard_atoms(several, evidence, entity, learned, moving=True),
+        guard_atoms(several, evidence, node.role, learned, moving=True),
         several.positive,
         CHOICE_TOLERANCE,
         exception_bits=float(np.log2((of_each > 1).sum())) / 2,  # whoever chooses otherwise leaves one and takes one
         most_bits=float(np.log2(of_each).sum()),
-        situations=_situations(several, len(shown.frames)),
+        situations=situations,
     )
-    return partial_order(examples, waiting, evidence, entity, learned) if found.best is None else (found.best,)
+    return partial_order(examples, waiting, evidence, node.role, learned) if found.best is None else (found.best,)
 
 
-def _situations(several: Examples, judged: int) -> Situations:
-    """Tell which examples stand side by side; the first so many count as examples, too."""
+def _beside_others(shown: Examples, waiting: tuple[IntArray, IntArray]) -> tuple[Examples, Situations]:
+    """Add those who wait, frames and entities (W,), which are no examples, and tell who stands side by side."""
+    several = shown.with_others(*waiting)
     ranks = np.unique(several.frames, return_inverse=True)[1]
-    return Situations(ranks, np.arange(len(ranks)) < judged, TOLERANCE)
+    return several, Situations(ranks, np.arange(len(ranks)) < len(shown.frames), TOLERANCE)
 
 
 def _waiting(examples: Examples, evidence: Evidence, node: Node) -> tuple[IntArray, IntArray]:
@@ -208,9 +209,9 @@ def partial_order(
         hardly ever have broken it.
     """
     shown = examples[examples.positive | examples.choice]
-    several = shown.with_others(*waiting)
+    several, situations = _beside_others(shown, waiting)
     atoms = guard_atoms(several, evidence, entity, learned)
-    order = strictest_literal(atoms, several.positive, TOLERANCE, _situations(several, len(shown.frames)))
+    order = strictest_literal(atoms, several.positive, TOLERANCE, situations)
     turns = np.unique(shown.frames[shown.choice & ~shown.positive]).size
     broken = turns * order.refused
     return (order.predicate,) if broken >= BROKEN else ()
