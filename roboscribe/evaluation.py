@@ -14,8 +14,9 @@ from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.io.atomic import Json
 from roboscribe.runnable import Runnable
-from roboscribe.steps import Limits, Outcome, wilson
+from roboscribe.steps import Limits, Outcome
 from roboscribe.subtask_tree import ROOT
+from roboscribe.success_rate import wilson
 from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
@@ -18,23 +17,12 @@ from roboscribe.errors import Fail, expected
 from roboscribe.evidence import Evidence
 from roboscribe.program_gen import gen_program
 from roboscribe.subtask_tree import Tree, update_tree, validate
+from roboscribe.success_rate import wilson
 from roboscribe.world.layout import NULL, FloatArray
 from roboscribe.world.naming import by_binding
 
 Skills = TypeVar("Skills")
 """Whatever TRAINPROGRAM returns: the algorithms pass controllers on without looking at them."""
-Z95 = 1.959963984540054
-"""Standard normal quantile of a two-sided 95 % interval."""
-
-
-def wilson(successes: int, episodes: int, z: float = Z95) -> tuple[float, float]:
-    """Return the Wilson score interval of a success rate; (0, 1) without episodes."""
-    if episodes == 0:
-        return 0.0, 1.0
-    rate, share = successes / episodes, z * z / episodes
-    centre = (rate + share / 2) / (1 + share)
-    half = z * sqrt(rate * (1 - rate) / episodes + share / (4 * episodes)) / (1 + share)
-    return max(0.0, centre - half), min(1.0, centre + half)
 
 
 def most_common(names: Sequence[str]) -> str:

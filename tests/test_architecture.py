@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-WORLD = {"defaults", "errors", "world"}
+WORLD = {"defaults", "errors", "success_rate", "world"}
 LANGUAGE = WORLD | {"dsl"}
 TREE = LANGUAGE | {"search", "subtask_tree", "evidence"}
 LAYERS = {
     "defaults": set(),
     "errors": set(),
+    "success_rate": set(),
     "world": {"errors"},
     "dsl": WORLD,
     "reward": LANGUAGE,

@@ -24,8 +24,8 @@ from roboscribe.stages.runtime.events import (
     Trained,
 )
 from roboscribe.stages.tracking.event_log import EventLog, LoggedEvent
-from roboscribe.steps import wilson
 from roboscribe.subtask_tree import ROOT
+from roboscribe.success_rate import wilson
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from roboscribe.rl.learner import Learned, LearnerTask, Log
 from roboscribe.rl.program_training import SEEDS, ProgramTraining
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
+from roboscribe.success_rate import wilson
 from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
@@ -169,8 +170,17 @@ def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[
 def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
     """Tell whether what was cloned for a subgoal's program mostly fails, so that its loop shows no later iterations."""
     config = training.config
-    failing = any(report.success < config.worth_improving for report in reports)
+    failing = any(mostly_fails(training, report.success, report.starts) for report in reports)
     return failing and config.profile == "actions" and not training.solve
+
+
+def mostly_fails(training: ProgramTraining, rate: float, starts: int) -> bool:
+    """Tell whether a skill that succeeds from a share of some starts fails too often, beyond chance, to be improved.
+
+    Where there were no starts the rate is one of episodes, or 0 because the program never got there.
+    """
+    at_best = wilson(rate * starts, starts)[1] if starts else rate
+    return at_best < training.config.worth_improving
 
 
 def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
@@ -283,7 +293,7 @@ def _train(
     warm, rate, learner = best_warm_start(training, run, skills, starts, evaluator)
     report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent + evaluator.world.control_steps)
     context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
-    budget = config.learning_steps if job.again else _budget(training, run, rate)
+    budget = config.learning_steps if job.again else _budget(training, run, rate, len(held_out))
     if rate < training.target(run) and job.reinforce and budget:
         warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)
     return warm, replace(report, control_steps=report.control_steps + starts.control_steps)
@@ -322,8 +332,8 @@ def _improve(
     return learned.skill, replace(report, learner=by, success=learned.success)
 
 
-def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
-    """Return the control steps that reinforcement may cost, after a warm start of success `rate`.
+def _budget(training: ProgramTraining, run: Run, rate: float, starts: int) -> int:
+    """Return the control steps that reinforcement may cost, after a warm start of success `rate` on so many starts.
 
     None for ψ_R where no start succeeds, for then nothing is ever rewarded. Few where a subgoal may still be found
     before `run`; none where it is likely, since what was done in demonstrations mostly fails here. Where none is found
@@ -338,7 +348,7 @@ def _budget(training: ProgramTraining, run: Run, rate: float) -> int:
     if rate >= config.passable:
         return 0
     first = run is training.runs[0]
-    if rate < config.worth_improving and (first or config.profile == "actions"):
+    if mostly_fails(training, rate, starts) and (first or config.profile == "actions"):
         return 0
     return min(config.first_budget, config.learning_steps) if first else config.learning_steps
 

@@ -146,8 +146,8 @@ class Candidate:
         each: whether φ is brought about for one entity of a type after the other: a loop.
         with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
             move that one.
-        comes_with_it: whether φ begins to hold hardly before the subgoal that it should lead to. Where it is about the
-            robot alone it may: a button is pressed as soon as the hand is there.
+        comes_with_it: whether φ begins to hold hardly before the subgoal that it should lead to. Where nothing is known
+            to come before that, what is about the robot may: a button is pressed as soon as the hand is there.
         informative: whether φ says enough, and not by chance, see the function of that name.
         only: of a loop, which entities it is about.
         afterwards: whether it is brought about when all that comes before the goal is done.
@@ -343,7 +343,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         ),
         size=length(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
-        comes_with_it=not samples.root and way > LATE and not (of_robot and it.anchor is None),
+        comes_with_it=not samples.root and way > LATE and not (of_robot and not samples.anchors),
         standing=_standing(it.predicate, samples, of_robot=of_robot),
         afterwards=samples.afterwards,
     )

@@ -13,7 +13,7 @@ from roboscribe.defaults import EVALUATION_EPISODES, N_DEMONSTRATIONS, ROLLOUT_E
 from roboscribe.io.atomic import Json
 from roboscribe.stages.runtime.files import read_json, write_json
 from roboscribe.stages.runtime.task_config import TaskConfig
-from roboscribe.steps import wilson
+from roboscribe.success_rate import wilson
 
 OURS = "roboscribe"
 CELL = "cell.json"

@@ -39,8 +39,8 @@ from roboscribe.stages.runtime.journal import Journal, Record, read_records
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import TIMING
 from roboscribe.stages.tracking.mlflow_store import JOURNAL, PARENT, run_id_of
-from roboscribe.steps import wilson
 from roboscribe.subtask_tree import ROOT as GOAL
+from roboscribe.success_rate import wilson
 from roboscribe.tree_json import tree_to_json
 
 LOG = "tracking.log"

@@ -27,7 +27,7 @@ from roboscribe.stages.paper.since import COMMIT, changes, newest
 from roboscribe.stages.paper.values import REPORTED
 from roboscribe.stages.runtime.task_config import TaskConfig
 from roboscribe.stages.tracking.experiment import ChildRun, track_experiment
-from roboscribe.steps import wilson
+from roboscribe.success_rate import wilson
 from tests.pipelines.stores import empty_store, points, statuses
 
 ONE = "pick-place-1"

@@ -21,7 +21,7 @@ from roboscribe.stages.runtime.files import OUTCOME, read_json
 from roboscribe.stages.runtime.progress import Progress
 from roboscribe.stages.runtime.store import Store
 from roboscribe.stages.runtime.task_config import TaskConfig
-from roboscribe.steps import wilson
+from roboscribe.success_rate import wilson
 
 ABOUT: dict[str, Json] = {"task": "tower-2", "profile": "actions", "seed": 0, "figures": {}}
 

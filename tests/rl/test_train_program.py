@@ -15,7 +15,7 @@ from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConf
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import ProgramTraining, step_limits
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import TrainingResult, train_program
+from roboscribe.rl.train_program import TrainingResult, mostly_fails, train_program
 from roboscribe.world.layout import BoolArray, FloatArray
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
@@ -164,6 +164,13 @@ def test_a_loop_whose_clones_mostly_fail_is_not_trained_together_for_a_subgoal(s
     demanding = replace(QUICK, worth_improving=1.1, learning=0.0, budget=4000)
     result = train_program(TASK, LOOP, SHOWN, {}, demanding, 0, solve=solve)
     assert [report.controller for report in result.reports] == ["hold", "at"] * turns
+
+
+@pytest.mark.parametrize(("rate", "starts", "fails"), [(0.48, 200, False), (0.4, 200, True), (0.0, 0, True)])
+def test_whether_a_clone_mostly_fails_is_told_by_an_interval(rate: float, starts: int, fails: bool) -> None:
+    """48 % of 200 starts may be half of all; where there were no starts nothing was reached."""
+    training = ProgramTraining(TASK, FIRST, SHOWN, QUICK, 0, solve=False)
+    assert mostly_fails(training, rate, starts) == fails
 
 
 def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from roboscribe.evaluation import episode_seeds
-from roboscribe.steps import wilson
+from roboscribe.success_rate import wilson
 
 
 def test_wilson_by_hand() -> None:
