@@ -87,11 +87,21 @@ class Search(Generic[Skills]):
         """Train the controllers of the best program once more; what becomes better by that may be trained again."""
         best = self.best
         assert best is not None
-        self.trained, self.trained_again = self.trained + 1, best
+        self.trained_again = best
         self.steps.tell(Retrained(best.outcome.rate))
-        skills = self.steps.train(best.program, ROOT, best.tree, best.skills)
-        outcome = self.steps.roll_out(best.program, ROOT, skills)
+        skills, outcome = self.train(best.program, ROOT, best.tree, best.skills)
         self.keep(replace(best, skills=skills, outcome=outcome), self.best_choices)
+
+    def train(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome]:
+        """TRAINPROGRAM and Exec(M, P); counts against the budget."""
+        self.trained += 1
+        skills = self.steps.train(program, psi, tree, skills)
+        return skills, self.steps.roll_out(program, psi, skills)
+
+    def is_getting_better(self, skills: Skills, outcome: Outcome) -> bool:
+        """Whether a promising program's controllers were still getting better when their steps ran out."""
+        promising = outcome.rate >= PROMISING and not self.limits.met(outcome)
+        return promising and self.trained < self.limits.programs and self.steps.unfinished(skills)
 
     def keep(self, found: Solution[Skills], choices: tuple[int, ...] = ()) -> None:
         """Remember a solution, and the choices of its line, if it is better than the best so far."""
@@ -133,9 +143,13 @@ class Line(Generic[Skills]):
         search, steps = self.search, self.search.steps
         if search.trained >= search.limits.programs:
             return Fail(f"the budget of {search.limits.programs} trained programs is spent")
-        search.trained += 1
-        skills = steps.train(program, psi, tree, skills)
-        outcome = steps.roll_out(program, psi, skills)
+        skills, outcome = search.train(program, psi, tree, skills)
+        while psi == ROOT and search.is_getting_better(skills, outcome):
+            steps.tell(Retrained(outcome.rate))
+            again = search.train(program, psi, tree, skills)
+            if not again[1].beats(outcome):
+                break
+            skills, outcome = again
         blind = tree == Tree()
         if psi == ROOT and outcome.successes and (not blind or outcome.rate >= PROMISING):
             search.keep(Solution(program, tree, skills, outcome, tuple(self.refinements)), self.taken)

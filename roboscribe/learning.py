@@ -113,11 +113,13 @@ class TrainedControllers:
         library: by name.
         limits: step limits of the program that was trained last.
         grounds: by controller, what its node followed on when it was trained, see `grounds`.
+        unfinished: whether steps ran out while one of them was still getting better.
     """
 
     library: Library = field(default_factory=dict)
     limits: Mapping[str, int] = field(default_factory=dict)
     grounds: Mapping[str, Json] = field(default_factory=dict)
+    unfinished: bool = False
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,12 @@ class Learning:
     def steps(self, name: str) -> Steps[TrainedControllers]:
         """Return all pieces of Algorithm 2 for a program of some name."""
         pure = pure_steps(self.evidence, self.train, self.roll_out, name)
-        return replace(pure, check=self.check, tell=lambda decision: self.tell(decision_line(decision)))
+        return replace(
+            pure,
+            check=self.check,
+            unfinished=lambda trained: trained.unfinished,
+            tell=lambda decision: self.tell(decision_line(decision)),
+        )
 
     def train(self, program: Program, goal: str, tree: Tree, trained: TrainedControllers) -> TrainedControllers:
         """TRAINPROGRAM."""
@@ -155,9 +162,9 @@ class Learning:
         library, reports = ground(self.task, program, tree, shown, known, self.training, self.seed, solve=solve)
         for report in reports:
             self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")
-        return TrainedControllers(
-            library, step_limits(program, shown, self.task, self.training.confirm), {**trained.grounds, **now}
-        )
+        limits = step_limits(program, shown, self.task, self.training.confirm)
+        unfinished = any(report.unfinished for report in reports)
+        return TrainedControllers(library, limits, {**trained.grounds, **now}, unfinished)
 
     def roll_out(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P)."""

@@ -124,6 +124,7 @@ class Steps(Generic[Skills]):
         update_tree: UPDATETREE: tree and refinement to tree.
         validate: VALIDATE: the reason why a tree cannot be right, or None.
         explained: how many demonstrations a program explains, and of how many.
+        unfinished: whether steps ran out while one of the skills was still getting better.
         check: a short Exec(M, P), enough to see that a program has become much worse; None goes to `roll_out` at once.
         tell: hears what is decided.
     """
@@ -136,6 +137,7 @@ class Steps(Generic[Skills]):
     update_tree: Callable[[Tree, Refinement], Tree]
     validate: Callable[[Tree], Fail | None]
     explained: Callable[[Program], tuple[int, int]]
+    unfinished: Callable[[Skills], bool] = lambda _: False
     check: Callable[[Program, str, Skills], Outcome] | None = None
     tell: Callable[[Decision], None] = lambda _: None
 

@@ -73,10 +73,12 @@ class ControllerFiles:
     Args:
         out: the stage's directory; None before anything is trained.
         grounds: by controller, what its node followed on when it was trained.
+        unfinished: whether steps ran out while one of them was still getting better.
     """
 
     out: Path | None = None
     grounds: Mapping[str, Json] = field(default_factory=dict)
+    unfinished: bool = False
 
     def inputs(self) -> dict[str, Path]:
         """Return its files as inputs of a stage."""
@@ -111,6 +113,7 @@ class StagedSteps:
             validate=self.validate,
             explained=lambda program: explained(program, self.evidence),
             check=self.check,
+            unfinished=lambda library: library.unfinished,
             tell=self.decided,
         )
 
@@ -139,8 +142,9 @@ class StagedSteps:
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
-        self.tell(Trained(goal, tuple(read_json(out / train.REPORTS)), out / METRICS))
-        return ControllerFiles(out, {**library.grounds, **now})
+        reports = tuple(read_json(out / train.REPORTS))
+        self.tell(Trained(goal, reports, out / METRICS))
+        return ControllerFiles(out, {**library.grounds, **now}, any(report["unfinished"] for report in reports))
 
     def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""

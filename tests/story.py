@@ -53,6 +53,7 @@ class Story:
         unwritable: by subgoal, why no program has it.
         stuck: by goal and subgoals there are, the subgoal that the failing episodes were stuck at.
         explained: by all subgoals there are, how many of 20 demonstrations the program explains; all if not listed.
+        later: by goal and subgoals, how many succeed after each further training; better until the last.
     """
 
     successes: Mapping[tuple[str, str], int]
@@ -61,6 +62,7 @@ class Story:
     unwritable: Mapping[str, Fail] = field(default_factory=dict)
     stuck: Mapping[tuple[str, str], str] = field(default_factory=dict)
     explained: Mapping[str, int] = field(default_factory=dict)
+    later: Mapping[tuple[str, str], Sequence[int]] = field(default_factory=dict)
     asked: list[tuple[str, str]] = field(default_factory=list)
     classified: list[tuple[str, str]] = field(default_factory=list)
     checked: list[str] = field(default_factory=list)
@@ -78,6 +80,7 @@ class Story:
             validate=lambda tree: self._first(self.invalid, tree),
             explained=lambda program: (self.explained.get(" ".join(_parts(program)), 20), 20),
             check=self.check,
+            unfinished=lambda _: self.asked.count(self.asked[-1]) <= len(self.later.get(self.asked[-1], ())),
             tell=self.tell,
         )
 
@@ -100,7 +103,8 @@ class Story:
         """Read how an attempt ends."""
         attempt = goal, " ".join(_parts(program))
         lost = tuple(replace(each, unreached=self.stuck.get(attempt, "")) for each in LOST)
-        return Outcome(self.successes.get(attempt, 0), EPISODES, lost)
+        turns = (self.successes.get(attempt, 0), *self.later.get(attempt, ()))
+        return Outcome(turns[min(max(self.asked.count(attempt), 1), len(turns)) - 1], EPISODES, lost)
 
     def classify(self, failures: FloatArray, tree: Tree, goal: str) -> Refinement | Fail:
         """Learn from a failed attempt."""

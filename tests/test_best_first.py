@@ -176,6 +176,19 @@ def test_before_another_beginning_the_controllers_of_a_promising_program_are_tra
         assert story.asked[-1] == (ROOT, "other")
 
 
+def test_controllers_that_were_getting_better_when_their_steps_ran_out_are_trained_on() -> None:
+    """As long as that helps: nothing is refined, although half of the episodes fail at first."""
+    refined = {("at", "at"): 12, ("hold", "at hold"): 20, ("at", "at hold"): 20, **root(20, "at hold")}
+    for later, found, asked in (((14, 17, 20), 1.0, 4), ((11, 20), 1.0, 2), ((), 1.0, 1)):
+        story = Story({**refined, **root(11, "at")}, {ROOT: [AT1], "at": [HOLD1]}, later={(ROOT, "at"): later})
+        answer = solved(story)
+        assert answer.rate == found
+        assert story.asked.count((ROOT, "at")) == asked
+        assert [r.node.name for r in answer.refinements] == (["at"] if asked == 4 else ["at", "hold"])
+    hopeless = Story({**refined, **root(9, "at")}, {ROOT: [AT1], "at": [HOLD1]}, later={(ROOT, "at"): (20,)})
+    assert [r.node.name for r in solved(hopeless).refinements] == ["at", "hold"], "a subgoal is missing"
+
+
 def test_a_program_that_hardly_fails_is_trained_once_more_before_what_was_taken_as_it_is_is_refined() -> None:
     reached = {("at", "at"): 12, ("hold", "at hold"): 20, ("at", "at hold"): 20}
     # Three times 10 % may fail; then more is in vain. 13 of 20 may be as good, and it is tried, but goes on.

@@ -43,8 +43,16 @@ class LearnerTask:
 
 @dataclass(frozen=True)
 class Learned:
-    """Best skill found, its success on the fixed starts, and all control steps spent, evaluations included."""
+    """Best skill found.
+
+    Args:
+        skill: it.
+        success: on the fixed starts.
+        control_steps: all that were spent, evaluations included.
+        unfinished: whether they ran out while the skill was still getting better.
+    """
 
     skill: Skill
     success: float
     control_steps: int
+    unfinished: bool = False

@@ -82,7 +82,9 @@ def train_ppo(
             log(_metrics(run, measured), run.iteration * per_iteration + run.evaluating)
             if checkpoint is not None and measured:
                 _save(run, checkpoint, _identity(config, seed))
-        return Learned(skill.with_layers(run.best), run.success, run.iteration * per_iteration + run.evaluating)
+        unfinished = success < run.success < task.target and run.unimproved < config.patience
+        spent = run.iteration * per_iteration + run.evaluating
+        return Learned(skill.with_layers(run.best), run.success, spent, unfinished)
 
 
 def _begin(skill: Skill, success: float, task: LearnerTask, config: PpoConfig, seed: int) -> _Run:

@@ -47,6 +47,7 @@ class SkillReport:
         warm_success: success on held-out starts before reinforcement learning.
         success: success of what was kept.
         control_steps: all control steps spent on it: starts, evaluations and learning.
+        unfinished: whether they ran out while it was still getting better.
     """
 
     controller: str
@@ -55,6 +56,7 @@ class SkillReport:
     warm_success: float
     success: float
     control_steps: int
+    unfinished: bool = False
 
 
 @dataclass(frozen=True)
@@ -329,7 +331,7 @@ def _improve(
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
         return warm, report
-    return learned.skill, replace(report, learner=by, success=learned.success)
+    return learned.skill, replace(report, learner=by, success=learned.success, unfinished=learned.unfinished)
 
 
 def _budget(training: ProgramTraining, run: Run, rate: float, starts: int) -> int:

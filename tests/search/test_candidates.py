@@ -263,10 +263,11 @@ def test_what_begins_to_hold_with_a_subgoal_is_no_step_towards_it(
     text: str, first: int, root: bool, held: bool, comes_with_it: bool
 ) -> None:
     states = random_states(np.random.default_rng(0), 12)
-    anchors = (Anchor(parse_predicate("b1↓q < 0.5"), {}),) if held else ()
+    anchor = Anchor(parse_predicate("b1↓q < 0.5"), {})
+    anchors = (anchor,) if held else ()
     given = replace(samples(states[:3], states[:4], episodes=(states,)), root=root, anchors=anchors)
     it = Judged(
         parse_predicate(f"{text} < 0.5"), (feature(text),), np.zeros(4, np.bool_), np.arange(12) >= first, 0.2, ()
     )
     assert judge(it, given).comes_with_it == comes_with_it
-    assert not held or judge(replace(it, anchor=anchors[0]), given).comes_with_it == comes_with_it
+    assert not held or judge(replace(it, anchor=anchor), given).comes_with_it == comes_with_it
