@@ -194,10 +194,24 @@ class Evidence:
         begins = np.zeros(len(self.trajectories), dtype=np.int64)
         for node in tree.above(name):
             if node.name != ROOT and not node.circular and self.restores(node.predicate):
-                own = self.first_steps(node.predicate)
-                branches = (b for psi in tree.successors(node.name) for b in tree.predecessors(psi.name) if b != node)
-                for over in (self.first_steps(branch.completed(self.types)) for branch in branches):
-                    begins = np.maximum(begins, np.where(over < own, over, 0))
+                begins = np.maximum(begins, self._done_beside(tree, node, self.first_steps(node.predicate)))
+        return begins
+
+    def turns_to_loop(self, tree: Tree, loop: Node) -> IntArray:
+        """Step at which each demonstration turns to a loop, (D,): the branches that come before it are done."""
+        begins = np.zeros(len(self.trajectories), dtype=np.int64)
+        first = self.each_first_steps(loop.served, loop.role)
+        own = np.where(first > 0, first, NEVER).min(axis=1)
+        for node in tree.above(loop.name):
+            begins = np.maximum(begins, self._done_beside(tree, node, own))
+        return begins
+
+    def _done_beside(self, tree: Tree, node: Node, own: IntArray) -> IntArray:
+        """Step at which the last branch beside a node that is done before step `own` (D,) is done; 0 where none is."""
+        begins = np.zeros(len(self.trajectories), dtype=np.int64)
+        branches = (b for psi in tree.successors(node.name) for b in tree.predecessors(psi.name) if b != node)
+        for over in (self.first_steps(branch.completed(self.types)) for branch in branches):
+            begins = np.maximum(begins, np.where(over < own, over, 0))
         return begins
 
     def restores(self, predicate: Predicate) -> bool:

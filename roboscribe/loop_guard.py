@@ -119,7 +119,8 @@ def predicate_synthesis(evidence: Evidence, tree: Tree, node: Node) -> Predicate
         so that the guard does not fit one demonstration's accidents. Where no predicate explains the whole order, the
         guard encodes termination and as much order as the demonstrations show.
     """
-    examples = loop_examples(evidence, node.served, node.role).thinned()
+    begins = evidence.turns_to_loop(tree, node)
+    examples = loop_examples(evidence, node.served, node.role, begins).thinned()
     if not examples.positive.any():
         return Fail(f"no demonstration handles entities one after another until {node.name}")
     if examples.positive.all():
@@ -247,10 +248,11 @@ def _alike(literal: Literal) -> bool:
     return len({type(part.of) for part in walk(literal.predicate) if isinstance(part, Proj)}) == 1
 
 
-def loop_examples(evidence: Evidence, phi: Predicate, name: str) -> Examples:
+def loop_examples(evidence: Evidence, phi: Predicate, name: str, begins: IntArray) -> Examples:
     """Label every (state, entity of the type of `name`): positive while it is handled, negative before and after.
 
-    Segment S_i ends when e_i first satisfies φ and begins where S_{i-1} ended. Entities that satisfy φ from the
+    Segment S_i ends when e_i first satisfies φ and begins where S_{i-1} ended, the first where the demonstration turns
+    to the loop, at `begins` (D,): of what comes before that nothing is said. Entities that satisfy φ from the
     start are never handled; one that never satisfies φ is being handled when the demonstration ends; demonstrations
     in which several do not show nothing and are left out. Where what was done is undone again, by a push in passing,
     the entity is no example.
@@ -263,26 +265,35 @@ def loop_examples(evidence: Evidence, phi: Predicate, name: str) -> Examples:
     unserved = (first == NEVER).sum(axis=0)
     first = np.where((first == NEVER) & (unserved == 1), counts, first)
     lengths = [n if max(f) < NEVER else 0 for n, f in zip(counts.tolist(), first.T, strict=True)]
-    parts = [_label(*shown, members) for shown in zip(evidence.starts, lengths, first.T, strict=True)]
+    shown = zip(evidence.starts, begins, lengths, first.T, strict=True)
+    parts = [_label(*each, members) for each in shown]
     frames, entities, positive, done, choice = (np.concatenate(column) for column in zip(*parts, strict=True))
     examples = Examples(evidence.states, frames, entities, positive, done, choice)
     return examples[~done | holds(phi, examples.states, {name: entities}, evidence.layout, evidence.solved)]
 
 
 def _label(
-    start: int, length: int, first: IntArray, members: tuple[int, ...]
+    start: int, turned: int, length: int, first: IntArray, members: tuple[int, ...]
 ) -> tuple[IntArray, IntArray, BoolArray, BoolArray, BoolArray]:
-    """Label every frame of a demonstration with every entity; `first` (N,) says when each satisfied φ.
+    """Label every frame of a demonstration, once it has `turned` to the loop, with every entity.
+
+    Args:
+        start: row of its first frame.
+        turned: step at which it turns to the loop.
+        length: how many frames are labelled; 0 where it shows nothing.
+        first: (N,) when each entity satisfied φ.
+        members: index of each.
 
     Returns:
         Frame, entity, "is being handled", "was handled" and "could be chosen" of every pair.
     """
     ends = np.sort(first)
-    begins = np.array([0, *ends[:-1]])
-    steps = np.tile(np.arange(length), len(members))
-    begin, end = (np.repeat(x, length) for x in (begins[np.searchsorted(ends, first)], first))
+    begins = np.maximum(turned, [0, *ends[:-1]])
+    shown = np.arange(min(turned, length), length)
+    steps = np.tile(shown, len(members))
+    begin, end = (np.repeat(x, len(shown)) for x in (begins[np.searchsorted(ends, first)], first))
     choice = np.isin(steps, begins) & (steps < end)
-    return start + steps, np.repeat(members, length), (steps >= begin) & (steps < end), steps >= end, choice
+    return start + steps, np.repeat(members, len(shown)), (steps >= begin) & (steps < end), steps >= end, choice
 
 
 LEARNED_COST = 1

@@ -89,7 +89,7 @@ def test_an_order_among_some_is_kept() -> None:
 def test_every_entity_is_positive_exactly_while_it_is_handled() -> None:
     shown = evidence(TASK, episodes=1)
     (trajectory,) = shown.trajectories
-    examples = loop_examples(shown, AT_NODE.predicate, "b1")
+    examples = loop_examples(shown, AT_NODE.predicate, "b1", shown.turns_to_loop(TREE, AT_NODE))
     ends = [int(shown.first_steps(parse_predicate(AT.format(name)))[0]) for name in ("b1", "b2", "b3")]
     for entity, begin, end in zip(range(3), [0, *ends], ends, strict=False):
         mine = examples[examples.entities == entity]
@@ -100,11 +100,23 @@ def test_every_entity_is_positive_exactly_while_it_is_handled() -> None:
         assert np.array_equal(mine.choice, np.isin(steps, [0, *ends[:-1]]) & (steps < end))
 
 
+def test_of_what_comes_before_the_loop_nothing_is_said() -> None:
+    """A choice made where the hand came from is none that the loop makes."""
+    shown = evidence(TASK, episodes=1)
+    (trajectory,) = shown.trajectories
+    examples = loop_examples(shown, AT_NODE.predicate, "b1", np.array([4]))
+    first = examples[examples.entities == 0]
+    assert np.array_equal(first.states, trajectory.states[4:])
+    assert first.positive[0]
+    assert first.choice[0]
+    assert not first.choice[1:].any()
+
+
 def test_the_last_entity_is_handled_until_the_end_where_it_never_arrives() -> None:
     """A demonstration may stop as soon as the task is solved, before the last one satisfies φ."""
     shown = evidence(TASK, lambda goals: bottom_up(goals)[:2], episodes=1)
     (trajectory,) = shown.trajectories
-    examples = loop_examples(shown, AT_NODE.predicate, "b1")
+    examples = loop_examples(shown, AT_NODE.predicate, "b1", shown.turns_to_loop(TREE, AT_NODE))
     last = examples[examples.entities == 2]
     second = int(shown.first_steps(parse_predicate(AT.format("b2")))[0])
     assert np.array_equal(last.positive, np.arange(len(trajectory)) >= second)
@@ -113,7 +125,7 @@ def test_the_last_entity_is_handled_until_the_end_where_it_never_arrives() -> No
 
 def test_demonstrations_that_leave_several_entities_out_show_nothing() -> None:
     shown = evidence(TASK, lambda goals: bottom_up(goals)[:1])
-    assert len(loop_examples(shown, AT_NODE.predicate, "b1").states) == 0
+    assert len(loop_examples(shown, AT_NODE.predicate, "b1", shown.turns_to_loop(TREE, AT_NODE)).states) == 0
     assert predicate_synthesis(shown, TREE, AT_NODE) == Fail(
         "no demonstration handles entities one after another until at"
     )

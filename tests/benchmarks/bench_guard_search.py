@@ -135,7 +135,7 @@ def measure(objects: int, count: int) -> str:
     """Search, and interpret a sample, for a tower of `objects` on `count` examples; returns a line of the table."""
     task = PointTask(f"point-tower-{objects}", ("block",) * objects, goals="stack", order="height", horizon=600)
     evidence = Evidence.of(task.demonstrate(EPISODES, 0), task.solved)
-    examples = loop_examples(evidence, AT.predicate, "b1")
+    examples = loop_examples(evidence, AT.predicate, "b1", np.zeros(EPISODES, np.int64))
     examples = examples[np.linspace(0, len(examples.entities) - 1, count).astype(np.int64)]
     start = process_time()
     atoms = guard_atoms(examples, evidence, "b1", (AT.predicate,))
