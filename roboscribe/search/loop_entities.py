@@ -19,7 +19,7 @@ STILL = 0.01
 """Share of the range of its initial values by which a number may change that counts as lasting: sensors are noisy."""
 MOST_CUTS = 15
 """Thresholds that are tried for one number; where more would tell entities apart, as many evenly spread ones, and as
-many in the widest gaps: kinds that differ leave one."""
+many in the widest gaps: kinds that differ leave one. Then those beside the best of them are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,21 +97,40 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
     """
     ends = values[:, pairs.lasts]
     for feature, initial in readings:
-        sides = _beyond(feature, initial)
-        only, chosen = max(sides, key=lambda side: _parts(ends, side[1]), default=(Truth(), ends > np.inf))
+        cuts = _cuts(initial)
+        only, chosen = _best_side(feature, initial, cuts, ends)
         if _parted(ends, chosen) <= 0.0:
             only, chosen = _between(feature, initial, ends)
         said = log2(comb(chosen.size, int(chosen.sum())))
-        enough = log2(max(1, len(sides) * len(readings)) * len(pairs.members))
+        enough = log2(max(1, 2 * len(cuts) * len(readings)) * len(pairs.members))
         if _parted(ends, chosen) > 0.0 and said >= enough:
             yield only
 
 
-def _beyond(feature: Feature, values: FloatArray) -> list[tuple[Predicate, BoolArray]]:
-    """List what lies on either side of a threshold, and which values (N, D) do."""
-    cuts = _cuts(values)
-    below = [(feature.below(cut), values < cut) for cut in cuts]
-    return [*below, *((feature.above(cut), values > cut) for cut in cuts)]
+def _best_side(
+    feature: Feature, values: FloatArray, cuts: Sequence[float], ends: FloatArray
+) -> tuple[Predicate, BoolArray]:
+    """Find the side of a threshold that parts entities best, and which values (N, D) lie there.
+
+    Both sides of the number by which demonstrators tell them apart are to end at the same one, so that all thresholds
+    beside the best of the `cuts` are tried, too.
+    """
+    if not cuts:
+        return Truth(), ends > np.inf
+
+    def rank(side: tuple[float, bool]) -> tuple[bool, float]:
+        return _parts(ends, _lies(values, *side))
+
+    cut, above = max(((cut, above) for above in (False, True) for cut in cuts), key=rank)
+    at = cuts.index(cut)
+    low, high = [-np.inf, *cuts, np.inf][at], [-np.inf, *cuts, np.inf][at + 2]
+    cut = max((cut, *(other for other in _midpoints(values) if low < other < high)), key=lambda cut: rank((cut, above)))
+    return feature.above(cut) if above else feature.below(cut), _lies(values, cut, above)
+
+
+def _lies(values: FloatArray, cut: float, above: bool) -> BoolArray:
+    """Tell which values lie on a side of a threshold."""
+    return np.asarray(values > cut if above else values < cut)
 
 
 def _between(feature: Feature, values: FloatArray, ends: FloatArray) -> tuple[Predicate, BoolArray]:
@@ -128,13 +147,17 @@ def _between(feature: Feature, values: FloatArray, ends: FloatArray) -> tuple[Pr
 
 
 def _cuts(values: FloatArray) -> list[float]:
-    """Thresholds between different values."""
-    levels = np.unique(values)
-    between = (levels[1:] + levels[:-1]) / 2
-    widest = np.argsort(-np.diff(levels), kind="stable")[:MOST_CUTS]
+    """Thresholds between different values, a few of all."""
+    between = _midpoints(values)
+    widest = np.argsort(-np.diff(np.unique(values)), kind="stable")[:MOST_CUTS]
     spread = np.linspace(0, len(between) - 1, MOST_CUTS).astype(int)
-    picked = between[np.union1d(widest, spread)] if len(between) else between
-    return [float(f"{cut:.3g}") for cut in picked]
+    return [between[i] for i in np.union1d(widest, spread)] if between else []
+
+
+def _midpoints(values: FloatArray) -> list[float]:
+    """All thresholds between different values, in rising order."""
+    levels = np.unique(values)
+    return [float(f"{cut:.3g}") for cut in (levels[1:] + levels[:-1]) / 2]
 
 
 def _parts(ends: FloatArray, chosen: BoolArray) -> tuple[bool, float]:
