@@ -100,7 +100,7 @@ class PpoConfig:
     actor_rate: float = 3e-4
     critic_rate: float = 1e-3
     clip: float = 0.2
-    gamma: float = 0.97
+    gamma: float = 0.99
     lam: float = 0.95
     noise: float = 0.1
     critic_iterations: int = 5
@@ -186,7 +186,8 @@ class TrainConfig:
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
         worth_improving: share of them that must succeed.
-        passable: success of a warm start from which on a subgoal's skill is not reinforced before ψ_R is attempted.
+        passable: success from which on a subgoal's skill is not reinforced before ψ_R is attempted; what a loop repeats
+            has to reach as much in all repetitions together.
         assurance: episodes after which skills are left as they are if as many as are wanted succeed: where all of 100
             do, at most 3 % fail in truth.
         pool, clone, inverse: of start states, of cloning, and of actions inferred from states.

@@ -82,6 +82,11 @@ class ProgramTraining:
         """
         return float(self.wanted ** (1 / max(1, self.repetitions(run))))
 
+    def enough(self, run: Run) -> float:
+        """Return the success at which reinforcement stops; of a subgoal's skill it is what passes, for ψ_R decides."""
+        most = self.target(run)
+        return most if self.solve else min(most, self.config.passable ** (1 / max(1, self.repetitions(run))))
+
     @property
     def wanted(self) -> float:
         """Share of episodes that is to reach the program's goal."""

@@ -326,7 +326,7 @@ def _improve(
     def log(metrics: Mapping[str, float], step: int) -> None:
         context.log(job.run.controller, metrics, spent + starts.control_steps + step)
 
-    task = LearnerTask(evaluator.subtask, pool, evaluator, training.target(job.run), budget, evaluator.rest)
+    task = LearnerTask(evaluator.subtask, pool, evaluator, training.enough(job.run), budget, evaluator.rest)
     learned, by = _reinforce(training, warm, rate, task, log, context.file(f"{job.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:

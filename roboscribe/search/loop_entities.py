@@ -169,7 +169,8 @@ def _parts(ends: FloatArray, chosen: BoolArray) -> tuple[bool, float]:
     if gap <= 0.0:
         return False, gap
     own = float(np.ptp(ends[chosen])) + (1.0 - AGREEMENT) * float(np.ptp(ends[np.isfinite(ends)]))
-    return bool(ends[~chosen].min() > ends[chosen].max()), gap / own
+    least = float(ends[~chosen].min() - ends[chosen].max())
+    return least > 0.0, (least if least > 0.0 else gap) / own
 
 
 def _parted(ends: FloatArray, chosen: BoolArray) -> float:

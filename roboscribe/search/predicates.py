@@ -31,7 +31,7 @@ __all__ = ["Anchor", "Candidate", "Samples", "rank_predicates"]
 
 NO_WORSE = 0.1
 """How many more negatives a specific projection of a difference may accept than a coarser one."""
-HOPELESS = 0.5
+HOPELESS = 0.9
 """Share of accepted negatives beyond which an atom is not looked at."""
 
 

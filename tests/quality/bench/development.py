@@ -280,6 +280,24 @@ TASKS: tuple[KinematicTask, ...] = (
         (Kind("block", 4, constants=("colour",)),),
         (Phase("block", only="colour > 0.5"),),
     ),
+    KinematicTask(
+        "button-then-nearest",
+        "order",
+        (BUTTON, BLOCKS),
+        (PUSH_BUTTON, Phase("block", order="hand")),
+    ),
+    KinematicTask(
+        "loop-then-farthest",
+        "order",
+        (Kind("apple", 2), Kind("brick", 3)),
+        (Phase("apple"), Phase("brick", order="-hand")),
+    ),
+    KinematicTask(
+        "light-left-heavy-right",
+        "conditions",
+        (LEFT, RIGHT, Kind("block", goal=(), constants=("weight",))),
+        (replace(INTO_LEFT, only="weight < 1.0"), replace(INTO_RIGHT, only="weight > 1.0")),
+    ),
     KinematicTask("two-by-a-lamp", "conditions", (LAMP, MUG, DRAWER), (Phase("mug"), PULL), phase_order="lamp lit"),
     KinematicTask(
         "three-by-a-lamp",
