@@ -34,6 +34,7 @@ def ground(
     solve: bool,
     log: ProgramLog = no_log,
     checkpoints: Path | None = None,
+    again: bool = False,
 ) -> tuple[Library, tuple[SkillReport, ...]]:
     """Give every statement of a program a controller: a learned one, or in profile `scripted` the task's own.
 
@@ -48,6 +49,7 @@ def ground(
         solve: whether the program is to bring ψ_R about, not only to reach its end.
         log: receives figures along the way.
         checkpoints: directory for progress; None keeps none.
+        again: whether the same program was trained before, and is not good enough yet.
 
     Raises:
         TaskError: profile `scripted`, and the task brings no controllers.
@@ -56,7 +58,7 @@ def ground(
         new = scripted(task, program, tree, known, seed)
         return {**known, **new}, tuple(SkillReport(name, "scripted", 0, 0.0, 0.0, 0) for name in new)
     skills = {name: each for name, each in known.items() if isinstance(each, Skill)}
-    result = train_program(task, program, demonstrations, skills, training, seed, log, checkpoints, solve)
+    result = train_program(task, program, demonstrations, skills, training, seed, log, checkpoints, solve, again)
     return result.library, result.reports
 
 

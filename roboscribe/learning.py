@@ -114,12 +114,14 @@ class TrainedControllers:
         limits: step limits of the program that was trained last.
         grounds: by controller, what its node followed on when it was trained, see `grounds`.
         unfinished: whether steps ran out while one of them was still getting better.
+        trained_for: goal and program for which they were trained last.
     """
 
     library: Library = field(default_factory=dict)
     limits: Mapping[str, int] = field(default_factory=dict)
     grounds: Mapping[str, Json] = field(default_factory=dict)
     unfinished: bool = False
+    trained_for: tuple[str, str] = ("", "")
 
 
 @dataclass(frozen=True)
@@ -158,13 +160,16 @@ class Learning:
         """TRAINPROGRAM."""
         now = grounds(tree, program)
         known = {name: each for name, each in trained.library.items() if name not in stale(now, trained.grounds)}
-        shown, solve = self.evidence.trajectories, goal == ROOT
-        library, reports = ground(self.task, program, tree, shown, known, self.training, self.seed, solve=solve)
+        shown, solve, trained_for = self.evidence.trajectories, goal == ROOT, (goal, str(program))
+        again = trained_for == trained.trained_for
+        library, reports = ground(
+            self.task, program, tree, shown, known, self.training, self.seed, solve=solve, again=again
+        )
         for report in reports:
             self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")
         limits = step_limits(program, shown, self.task, self.training.confirm)
         unfinished = any(report.unfinished for report in reports)
-        return TrainedControllers(library, limits, {**trained.grounds, **now}, unfinished)
+        return TrainedControllers(library, limits, {**trained.grounds, **now}, unfinished, trained_for)
 
     def roll_out(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P)."""

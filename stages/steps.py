@@ -74,11 +74,13 @@ class ControllerFiles:
         out: the stage's directory; None before anything is trained.
         grounds: by controller, what its node followed on when it was trained.
         unfinished: whether steps ran out while one of them was still getting better.
+        trained_for: goal and program for which they were trained last.
     """
 
     out: Path | None = None
     grounds: Mapping[str, Json] = field(default_factory=dict)
     unfinished: bool = False
+    trained_for: tuple[str, str] = ("", "")
 
     def inputs(self) -> dict[str, Path]:
         """Return its files as inputs of a stage."""
@@ -138,13 +140,16 @@ class StagedSteps:
         now = grounds(tree, program)
         afresh, plan = stale(now, library.grounds), self.plan
         new = [name for name in now if name not in library.grounds or name in afresh]
-        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT)
+        trained_for = (goal, str(program))
+        again = trained_for == library.trained_for
+        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT, again)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
         reports = tuple(read_json(out / train.REPORTS))
         self.tell(Trained(goal, reports, out / METRICS))
-        return ControllerFiles(out, {**library.grounds, **now}, any(report["unfinished"] for report in reports))
+        unfinished = any(report["unfinished"] for report in reports)
+        return ControllerFiles(out, {**library.grounds, **now}, unfinished, trained_for)
 
     def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""

@@ -44,6 +44,7 @@ class Config:
     training: TrainConfig = field(default_factory=TrainConfig)
     afresh: tuple[str, ...] = ()
     solve: bool = True
+    again: bool = False
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
@@ -73,6 +74,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         solve=config.solve,
         log=_Log(out / METRICS, config.training, report),
         checkpoints=out / PROGRESS,
+        again=config.again,
     )
     write_library(out, grown)
     write_json(out / LIMITS, dict(step_limits(program, shown, task, config.training.confirm)))

@@ -61,6 +61,7 @@ class ProgramTraining:
         config: settings.
         seed: decides everything.
         solve: whether the program is to bring ψ_R about, or only to reach its end.
+        again: whether it was trained before, and is not good enough yet.
     """
 
     task: Task
@@ -69,6 +70,7 @@ class ProgramTraining:
     config: TrainConfig
     seed: int
     solve: bool
+    again: bool = False
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:

@@ -93,6 +93,7 @@ def train_program(
     log: ProgramLog = no_log,
     checkpoints: Path | None = None,
     solve: bool = True,
+    again: bool = False,
 ) -> TrainingResult:
     """Learn every controller that the library lacks, in textual order.
 
@@ -110,6 +111,8 @@ def train_program(
         checkpoints: directory for progress; finished skills found there are not learned again.
         solve: whether the program is to bring ψ_R about; its last skill then acts on after its own φ, and is improved
             for that where it falls short. Otherwise reaching the program's end is all.
+        again: whether the same program was trained before, and is not good enough yet: what is known is improved then,
+            however well it does in the episodes that are looked at first.
 
     Returns:
         The library with a skill for every controller of the program, and one report per skill worked on.
@@ -120,7 +123,7 @@ def train_program(
         purpose.
     """
     training, context = (
-        ProgramTraining(task, program, demonstrations, config, seed, solve),
+        ProgramTraining(task, program, demonstrations, config, seed, solve, again),
         _RunContext(log, checkpoints),
     )
     skills, reports = dict(library), list[SkillReport]()
@@ -217,7 +220,7 @@ def _screen(
     if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
         return _Screening(False)
     config, job = training.config, turn[0]
-    if not _can_be_screened(training, job, skills):
+    if (job.again and training.again) or not _can_be_screened(training, job, skills):
         return _Screening(True)
     seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
     success, steps = _tried(training, skills, seeds[: config.screening])

@@ -119,6 +119,14 @@ def test_skills_that_do_all_that_is_wanted_are_left_as_they_are(trained: Trainin
     assert result.library == trained.library
 
 
+def test_what_was_trained_in_vain_is_improved_however_well_it_does_at_a_first_look(trained: TrainingResult) -> None:
+    """Else the same few episodes would say for ever that nothing is to be done."""
+    content = replace(QUICK, target=0.5, assurance=20, learning=0.0)
+    result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0, again=True)
+    assert [report.controller for report in result.reports] == ["hold", "at"]
+    assert all(report.starts for report in result.reports)
+
+
 def test_a_loop_that_does_all_that_is_wanted_takes_one_turn() -> None:
     content = replace(QUICK, target=0.0, subgoal_target=0.0, worth_improving=0.0, assurance=20)
     for solve in (False, True):
