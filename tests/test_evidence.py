@@ -7,7 +7,7 @@ import numpy as np
 from roboscribe.dsl.semantics import holds
 from roboscribe.envs.point_world import PointTask
 from roboscribe.evidence import Evidence
-from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import NEVER, Trajectory
 from tests.handmade import AT, HOLD, bottom_up, carry, chain, evidence, node
@@ -105,6 +105,18 @@ def test_an_edge_is_looked_at_in_every_crossing_into_its_end() -> None:
     one, root = shown.edge_steps(LOOP, LOOP.node("at"), ROOT)
     assert len(one) == len(root) == 4
     assert (one < root).all(), "the first of three blocks is placed before the task is solved"
+
+
+def test_a_demonstration_turns_to_a_loop_where_what_comes_before_it_is_done() -> None:
+    mixed = PointTask("toy", ("apple", "block", "block"))
+    shown = evidence(mixed, lambda goals: [0, 1, 2], episodes=2)
+    apple, loop = node("placed", AT, "a1"), node("at", AT, "b1", circular=True)
+    tree = Tree((*Tree().nodes, apple, loop), ((TRUE, "placed"), ("placed", ROOT), (TRUE, "at"), ("at", ROOT)))
+    placed = shown.first_steps(apple.predicate)
+    assert (placed > 0).all()
+    assert np.array_equal(shown.turns_to_loop(tree, loop), placed)
+    last = evidence(mixed, lambda goals: [1, 2, 0], episodes=2)
+    assert not last.turns_to_loop(tree, loop).any(), "what is done after it does not keep it waiting"
 
 
 def test_demonstrations_that_never_reach_the_goal_are_left_out_and_listed() -> None:

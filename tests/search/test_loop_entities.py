@@ -103,3 +103,15 @@ def test_what_is_done_to_a_single_entity_may_depend_on_it() -> None:
 
 def test_what_is_always_done_to_a_single_entity_is_no_loop() -> None:
     assert not told_apart(LEVELS[:, :1], np.zeros((DEMONSTRATIONS, 1)))
+
+
+def test_both_sides_of_the_number_that_tells_entities_apart_end_at_the_same_threshold() -> None:
+    """Of sixty numbers, all different, wide gaps and evenly spread thresholds may miss the one that matters."""
+    rng = np.random.default_rng(7)
+    levels = rng.uniform(0.0, 1.0, (60, 1))
+    near, far = rng.uniform(0.0, 0.1, levels.shape), rng.uniform(0.9, 1.0, levels.shape)
+    (below,) = told_apart(levels, np.where(levels < 0.5, near, far)).values()
+    (above,) = told_apart(levels, np.where(levels > 0.5, near, far)).values()
+    cuts = [[n.value for n in walk(c.only) if isinstance(n, Const)] for c in (below, above)]
+    assert cuts[0] == cuts[1]
+    assert ((levels < cuts[0]) == (levels < 0.5)).all()
