@@ -212,7 +212,7 @@ def partial_order(
     shown = examples[examples.positive | examples.choice]
     several, situations = _beside_others(shown, waiting)
     atoms = guard_atoms(several, evidence, entity, learned)
-    order = strictest_literal(atoms, several.positive, TOLERANCE, situations)
+    order = strictest_literal(atoms, several.positive, TOLERANCE, situations, several.positive & several.choice)
     turns = np.unique(shown.frames[shown.choice & ~shown.positive]).size
     broken = turns * order.refused
     return (order.predicate,) if broken >= BROKEN else ()

@@ -31,8 +31,9 @@ __all__ = ["Anchor", "Candidate", "Samples", "rank_predicates"]
 
 NO_WORSE = 0.1
 """How many more negatives a specific projection of a difference may accept than a coarser one."""
-HOPELESS = 0.9
-"""Share of accepted negatives beyond which an atom is not looked at."""
+HOPELESS, FAR_FROM_ONE = 0.5, 0.9
+"""Share of accepted negatives beyond which an atom is not looked at; the same of leaving, for whoever stands at one
+thing is far from all others."""
 
 
 def rank_predicates(
@@ -118,7 +119,8 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
 
 def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
     found = [_atom(feature, values, sign) for feature, values, sign in _sides(features, samples)]
-    return [atom for atom in found if atom is not None]
+    most = FAR_FROM_ONE if samples.afterwards else HOPELESS
+    return [atom for atom in found if atom is not None and atom.accepted < most]
 
 
 def _passing(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
@@ -175,7 +177,7 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     if too_fine(feature, usual, pos, neg):
         return None
     threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
-    if neg.size and np.mean(neg < threshold) >= HOPELESS:
+    if neg.size and np.mean(neg < threshold) >= FAR_FROM_ONE:
         return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)

@@ -151,7 +151,11 @@ class Strictest:
 
 
 def strictest_literal(
-    atoms: Atoms, positive: BoolArray, tolerance: float, situations: Situations | None = None
+    atoms: Atoms,
+    positive: BoolArray,
+    tolerance: float,
+    situations: Situations | None = None,
+    chosen: BoolArray | None = None,
 ) -> Strictest:
     """Find the literal that refuses the most negative examples, but no positive ones.
 
@@ -160,6 +164,7 @@ def strictest_literal(
         positive: (X,) labels.
         tolerance: share of the positives that may be refused; literals whose refusals differ by less are equal.
         situations: as in `enumerate_conjunctions`.
+        chosen: (X,) positives of which no more may be refused by themselves either; None is all of them.
 
     Returns:
         The strictest literal, of equals the cheapest; True, which refuses none, where there is no other.
@@ -169,14 +174,19 @@ def strictest_literal(
     def refused(literal: Literal, examples: NDArray[np.float32]) -> float:
         return float(examples @ ~literal.truth) / max(1.0, float(examples.sum()))
 
-    possible = [p for p in literals(kinds.atoms) if kinds.possible(p.truth)]
+    taken = kinds.of[positive if chosen is None else chosen]
+    possible = [
+        p
+        for p in literals(kinds.atoms)
+        if kinds.possible(p.truth) and np.sum(~p.truth[taken]) <= tolerance * len(taken)
+    ]
     fit = [(refused(p, kinds.negatives), p) for p in possible if refused(p, kinds.positives) <= tolerance]
     most = max((share for share, _ in fit), default=0.0)
     equals = [(share, p) for share, p in fit if share >= most - tolerance]
     if not equals:
         return Strictest(Truth(), 0.0)
-    share, chosen = min(equals, key=lambda found: (found[1].cost, -found[0], str(found[1].predicate)))
-    return Strictest(chosen.predicate, share)
+    share, strictest = min(equals, key=lambda found: (found[1].cost, -found[0], str(found[1].predicate)))
+    return Strictest(strictest.predicate, share)
 
 
 def literals(atoms: Atoms) -> list[Literal]:

@@ -174,6 +174,16 @@ def test_the_strictest_literal_refuses_no_positive_and_the_most_negatives() -> N
     assert strictest_literal(table, np.ones(600, np.bool_), 0.0).refused == 0.0
 
 
+def test_the_strictest_literal_is_true_of_those_who_were_chosen_however_few_they_are() -> None:
+    """What is false wherever a choice is made refuses all who wait there, and explains no choice."""
+    at_choices = np.arange(600) < 20
+    elsewhere, chosen = Literal(parse_predicate("v↓q > 0.5"), 1, ~at_choices), at_choices & (np.arange(600) % 2 == 0)
+    table = Atoms((elsewhere,), (), Var("b'"), "block")
+    positive = ~at_choices | chosen
+    assert strictest_literal(table, positive, 0.02).predicate == elsewhere.predicate
+    assert strictest_literal(table, positive, 0.02, chosen=chosen).refused == 0.0
+
+
 def test_without_atoms_nothing_is_found() -> None:
     """Entities that are known by flags alone can be told apart by nothing."""
     none = Atoms((), (), Var("b'"), "block")
