@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import Pipe
+
 import numpy as np
 import pytest
 
@@ -10,7 +14,8 @@ from roboscribe.envs.drawer import geometry, moves
 from roboscribe.envs.drawer.world import DrawerWorld
 from roboscribe.envs.suite.bench import bench
 from roboscribe.envs.suite.moves import BLOCK, HAND, OPENING, YAW, lift
-from roboscribe.envs.suite.request import parse
+from roboscribe.envs.suite.request import SuiteRequest, parse
+from roboscribe.envs.suite.workers import Moved, serve
 from roboscribe.envs.suite.world import SuiteWorld
 from roboscribe.envs.tasks.robosuite import SuiteTask
 from roboscribe.errors import TaskError
@@ -130,6 +135,26 @@ def test_processes_give_the_same_as_one() -> None:
     rows, actions = np.arange(3), np.random.default_rng(1).uniform(-1, 1, size=(3, 4))
     assert (alone.reset(rows, rows) == shared.reset(rows, rows)).all()
     assert (alone.step(rows, actions) == shared.step(rows, actions)).all()
+
+
+ASKER_IS_GONE = threading.Event()
+
+
+def late(request: SuiteRequest) -> Moved:
+    """Answer when nobody waits for it any more."""
+    assert ASKER_IS_GONE.wait(10)
+    return np.zeros((0, 1)), np.zeros((0, 1)), np.zeros(0, np.bool_)
+
+
+def test_a_process_ends_without_a_word_when_whoever_asked_is_gone() -> None:
+    """Formerly each printed a traceback after "interrupted; the same command goes on from here"."""
+    mine, theirs = Pipe()
+    with ThreadPoolExecutor(1) as pool:
+        served = pool.submit(serve, theirs, parse("Lift"))
+        mine.send((late, ()))
+        mine.close()
+        ASKER_IS_GONE.set()
+        assert served.result(10) is None
 
 
 def test_other_robots_and_controllers() -> None:

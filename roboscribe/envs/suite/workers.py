@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -41,17 +42,19 @@ def load(request: SuiteRequest, snapshots: FloatArray) -> Moved:
 Job = Callable[..., Moved]
 
 
-def _serve(pipe: Connection, request: SuiteRequest) -> None:
-    """Do jobs until the pipe closes; what goes wrong is told to who asked."""
-    while True:
-        try:
+def serve(pipe: Connection, request: SuiteRequest) -> None:
+    """Do jobs until whoever asks for them is gone; what goes wrong is told to them."""
+    with suppress(EOFError, ConnectionError):
+        while True:
             job, parts = pipe.recv()
-        except EOFError:
-            return
-        try:
-            pipe.send(job(request, *parts))
-        except Exception as error:  # handed to the process that asked, which raises it
-            pipe.send(error)
+            pipe.send(_done(job, request, parts))
+
+
+def _done(job: Job, request: SuiteRequest, parts: Sequence[Any]) -> Moved | Exception:
+    try:
+        return job(request, *parts)
+    except Exception as error:  # handed to the process that asked, which raises it
+        return error
 
 
 class Workers:
@@ -69,7 +72,7 @@ class Workers:
         pairs = [context.Pipe() for _ in range(count if count > 1 else 0)]
         self._pipes = [ours for ours, _ in pairs]
         for _, theirs in pairs:
-            context.Process(target=_serve, args=(theirs, request), daemon=True).start()
+            context.Process(target=serve, args=(theirs, request), daemon=True).start()
             theirs.close()
 
     def do(self, job: Job, *parts: Any) -> Moved:  # noqa: ANN401 - arrays over rows
