@@ -86,7 +86,7 @@ class SynthesisConsole(ProgressBar):
             case Abandoned(reason):
                 self.say(f"another line is taken up, for {reason}", "yellow")
             case Retrained(success):
-                self.say(f"the best program so far, at {success:.0%}, is trained once more", "yellow")
+                self.say(f"a promising program, at {success:.0%}, is trained on", "yellow")
             case Removed(subgoal, success):
                 self.say(f"{subgoal} is taken out again: without it {success:.0%} of the episodes succeed", "cyan")
             case _:

@@ -144,15 +144,17 @@ class Line(Generic[Skills]):
         if search.trained >= search.limits.programs:
             return Fail(f"the budget of {search.limits.programs} trained programs is spent")
         skills, outcome = search.train(program, psi, tree, skills)
-        while psi == ROOT and search.is_getting_better(skills, outcome):
+        in_vain = False
+        while psi == ROOT and not in_vain and search.is_getting_better(skills, outcome):
             steps.tell(Retrained(outcome.rate))
             again = search.train(program, psi, tree, skills)
-            if not again[1].beats(outcome):
-                break
-            skills, outcome = again
+            in_vain = not again[1].beats(outcome)
+            skills, outcome = (skills, outcome) if in_vain else again
         blind = tree == Tree()
         if psi == ROOT and outcome.successes and (not blind or outcome.rate >= PROMISING):
-            search.keep(Solution(program, tree, skills, outcome, tuple(self.refinements)), self.taken)
+            found = Solution(program, tree, skills, outcome, tuple(self.refinements))
+            search.keep(found, self.taken)
+            search.trained_again = found if in_vain else search.trained_again
         return skills, outcome
 
     def goes_on(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from roboscribe.controllers import Library, scripted
@@ -34,7 +35,7 @@ def ground(
     solve: bool,
     log: ProgramLog = no_log,
     checkpoints: Path | None = None,
-    again: bool = False,
+    turn: int = 0,
 ) -> tuple[Library, tuple[SkillReport, ...]]:
     """Give every statement of a program a controller: a learned one, or in profile `scripted` the task's own.
 
@@ -49,7 +50,7 @@ def ground(
         solve: whether the program is to bring ψ_R about, not only to reach its end.
         log: receives figures along the way.
         checkpoints: directory for progress; None keeps none.
-        again: whether the same program was trained before, and is not good enough yet.
+        turn: how often the same program was trained before, and was not good enough.
 
     Raises:
         TaskError: profile `scripted`, and the task brings no controllers.
@@ -58,7 +59,7 @@ def ground(
         new = scripted(task, program, tree, known, seed)
         return {**known, **new}, tuple(SkillReport(name, "scripted", 0, 0.0, 0.0, 0) for name in new)
     skills = {name: each for name, each in known.items() if isinstance(each, Skill)}
-    result = train_program(task, program, demonstrations, skills, training, seed, log, checkpoints, solve, again)
+    result = train_program(task, program, demonstrations, skills, training, seed, log, checkpoints, solve, turn)
     return result.library, result.reports
 
 
@@ -80,6 +81,28 @@ def stale(now: Mapping[str, Json], before: Mapping[str, Json]) -> tuple[str, ...
         before: what it followed on when it was trained.
     """
     return tuple(name for name, ground in now.items() if name in before and before[name] != ground)
+
+
+@dataclass(frozen=True)
+class LastTraining:
+    """For what controllers were trained last.
+
+    Args:
+        goal: of their program.
+        program: as text.
+        turn: how often it was trained before.
+        unfinished: whether steps ran out while one of them was still getting better.
+    """
+
+    goal: str = ""
+    program: str = ""
+    turn: int = 0
+    unfinished: bool = False
+
+    def next(self, goal: str, program: Program) -> LastTraining:
+        """Say which training comes next: another turn for the same program, or the first for another one."""
+        asked = (goal, str(program))
+        return LastTraining(*asked, self.turn + 1 if asked == (self.goal, self.program) else 0)
 
 
 def settled_profile(asked: Profile | None, actions: bool, where: str | Path) -> Profile:

@@ -14,7 +14,7 @@ from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail, expected
 from roboscribe.evaluation import measure, try_program
 from roboscribe.evidence import Evidence
-from roboscribe.grounding import CHECKED, ground, grounds, settled_profile, stale
+from roboscribe.grounding import CHECKED, LastTraining, ground, grounds, settled_profile, stale
 from roboscribe.io.atomic import Json
 from roboscribe.io.demonstrations import Demonstrations
 from roboscribe.io.validation import screen
@@ -113,15 +113,13 @@ class TrainedControllers:
         library: by name.
         limits: step limits of the program that was trained last.
         grounds: by controller, what its node followed on when it was trained, see `grounds`.
-        unfinished: whether steps ran out while one of them was still getting better.
-        trained_for: goal and program for which they were trained last.
+        last: for what they were trained last.
     """
 
     library: Library = field(default_factory=dict)
     limits: Mapping[str, int] = field(default_factory=dict)
     grounds: Mapping[str, Json] = field(default_factory=dict)
-    unfinished: bool = False
-    trained_for: tuple[str, str] = ("", "")
+    last: LastTraining = field(default_factory=LastTraining)
 
 
 @dataclass(frozen=True)
@@ -152,7 +150,7 @@ class Learning:
         return replace(
             pure,
             check=self.check,
-            unfinished=lambda trained: trained.unfinished,
+            unfinished=lambda trained: trained.last.unfinished,
             tell=lambda decision: self.tell(decision_line(decision)),
         )
 
@@ -160,16 +158,15 @@ class Learning:
         """TRAINPROGRAM."""
         now = grounds(tree, program)
         known = {name: each for name, each in trained.library.items() if name not in stale(now, trained.grounds)}
-        shown, solve, trained_for = self.evidence.trajectories, goal == ROOT, (goal, str(program))
-        again = trained_for == trained.trained_for
+        shown, solve, asked = self.evidence.trajectories, goal == ROOT, trained.last.next(goal, program)
         library, reports = ground(
-            self.task, program, tree, shown, known, self.training, self.seed, solve=solve, again=again
+            self.task, program, tree, shown, known, self.training, self.seed, solve=solve, turn=asked.turn
         )
         for report in reports:
             self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")
         limits = step_limits(program, shown, self.task, self.training.confirm)
-        unfinished = any(report.unfinished for report in reports)
-        return TrainedControllers(library, limits, {**trained.grounds, **now}, unfinished, trained_for)
+        last = replace(asked, unfinished=any(report.unfinished for report in reports))
+        return TrainedControllers(library, limits, {**trained.grounds, **now}, last)
 
     def roll_out(self, program: Program, goal: str, trained: TrainedControllers) -> Outcome:
         """Exec(M, P)."""
@@ -198,6 +195,6 @@ def decision_line(decision: Decision) -> str:
         case Abandoned(reason):
             return f"another line is taken up, for {reason}"
         case Retrained(success):
-            return f"the best program, {success:.0%}, is trained once more"
+            return f"a promising program, {success:.0%}, is trained on"
         case Removed(node_name, success):
             return f"{node_name} is taken out again: without it {success:.0%} of the episodes succeed"

@@ -168,7 +168,7 @@ class Abandoned:
 
 @dataclass(frozen=True)
 class Retrained:
-    """The controllers of the best program so far are trained once more, before a line that is less likely to help.
+    """The controllers of a promising program are trained on, before what is less likely to help.
 
     Args:
         success: share of the episodes in which that program has reached the goal.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol, TypeAlias, assert_never
 
@@ -12,7 +12,7 @@ from roboscribe.classifier import Refinement, alternative
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
-from roboscribe.grounding import CHECKED, grounds, stale
+from roboscribe.grounding import CHECKED, LastTraining, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
 from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
 from roboscribe.stages.runtime import controller_files
@@ -73,14 +73,12 @@ class ControllerFiles:
     Args:
         out: the stage's directory; None before anything is trained.
         grounds: by controller, what its node followed on when it was trained.
-        unfinished: whether steps ran out while one of them was still getting better.
-        trained_for: goal and program for which they were trained last.
+        last: for what they were trained last.
     """
 
     out: Path | None = None
     grounds: Mapping[str, Json] = field(default_factory=dict)
-    unfinished: bool = False
-    trained_for: tuple[str, str] = ("", "")
+    last: LastTraining = field(default_factory=LastTraining)
 
     def inputs(self) -> dict[str, Path]:
         """Return its files as inputs of a stage."""
@@ -115,7 +113,7 @@ class StagedSteps:
             validate=self.validate,
             explained=lambda program: explained(program, self.evidence),
             check=self.check,
-            unfinished=lambda library: library.unfinished,
+            unfinished=lambda library: library.last.unfinished,
             tell=self.decided,
         )
 
@@ -140,16 +138,15 @@ class StagedSteps:
         now = grounds(tree, program)
         afresh, plan = stale(now, library.grounds), self.plan
         new = [name for name in now if name not in library.grounds or name in afresh]
-        trained_for = (goal, str(program))
-        again = trained_for == library.trained_for
-        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT, again)
+        asked = library.last.next(goal, program)
+        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT, asked.turn)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)
         reports = tuple(read_json(out / train.REPORTS))
         self.tell(Trained(goal, reports, out / METRICS))
-        unfinished = any(report["unfinished"] for report in reports)
-        return ControllerFiles(out, {**library.grounds, **now}, unfinished, trained_for)
+        last = replace(asked, unfinished=any(report["unfinished"] for report in reports))
+        return ControllerFiles(out, {**library.grounds, **now}, last)
 
     def roll_out(self, program: Program, goal: str, library: ControllerFiles) -> Outcome:
         """Exec(M, P)."""

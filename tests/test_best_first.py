@@ -185,6 +185,9 @@ def test_controllers_that_were_getting_better_when_their_steps_ran_out_are_train
         assert answer.rate == found
         assert story.asked.count((ROOT, "at")) == asked
         assert [r.node.name for r in answer.refinements] == (["at"] if asked == 4 else ["at", "hold"])
+    twice = Story({**refined, **root(11, "at")}, {ROOT: [AT1, OTHER]}, later={(ROOT, "at"): (11,)})
+    solved(twice, Limits(programs=6))
+    assert twice.asked.count((ROOT, "at")) == 2, "what was in vain is not done again"
     hopeless = Story({**refined, **root(9, "at")}, {ROOT: [AT1], "at": [HOLD1]}, later={(ROOT, "at"): (20,)})
     assert [r.node.name for r in solved(hopeless).refinements] == ["at", "hold"], "a subgoal is missing"
 

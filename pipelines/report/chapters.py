@@ -196,9 +196,7 @@ def _remark(event: Abandoned | Retrained | Removed | Failed) -> str:
         case Abandoned(reason):
             return f"Another line of refinements was taken up, for {reason}."
         case Retrained(success):
-            return (
-                f"The controllers of the best program so far, which succeeded in {success:.0%}, were trained once more."
-            )
+            return f"The controllers of a promising program, which succeeded in {success:.0%}, were trained on."
         case Removed(subgoal, success):
             return f"{subgoal} was taken out again: without it {success:.0%} of the episodes succeed."
         case Failed(reason):

@@ -186,8 +186,7 @@ class TrainConfig:
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
         worth_improving: share of them that must succeed.
-        passable: success from which on a subgoal's skill is not reinforced before ψ_R is attempted; what a loop repeats
-            has to reach as much in all repetitions together.
+        passable: success from which on a subgoal's skill is not reinforced before ψ_R is attempted.
         assurance: episodes after which skills are left as they are if as many as are wanted succeed: where all of 100
             do, at most 3 % fail in truth.
         pool, clone, inverse: of start states, of cloning, and of actions inferred from states.

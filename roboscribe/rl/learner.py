@@ -49,7 +49,8 @@ class Learned:
         skill: it.
         success: on the fixed starts.
         control_steps: all that were spent, evaluations included.
-        unfinished: whether they ran out while the skill was still getting better.
+        unfinished: whether they ran out while the skill was still getting better; of SAC, which begins anew each time,
+            never.
     """
 
     skill: Skill

@@ -19,6 +19,8 @@ from roboscribe.rl.skill import Layers, Skill, layer_arrays, layers_from
 from roboscribe.rl.skill_env import SkillEnv
 from roboscribe.rl.torch_net import layers_of, load_layers, load_optimizer, optimizer_arrays, single_thread
 
+RECENT = 1
+"""Evaluations without a new best after which a skill still counts as getting better."""
 COUNTS = ("iteration", "unimproved", "evaluating", "success")
 """Numbers of a run that its checkpoint keeps."""
 
@@ -82,7 +84,7 @@ def train_ppo(
             log(_metrics(run, measured), run.iteration * per_iteration + run.evaluating)
             if checkpoint is not None and measured:
                 _save(run, checkpoint, _identity(config, seed))
-        unfinished = success < run.success < task.target and run.unimproved < config.patience
+        unfinished = success < run.success < task.target and run.unimproved <= RECENT
         spent = run.iteration * per_iteration + run.evaluating
         return Learned(skill.with_layers(run.best), run.success, spent, unfinished)
 

@@ -61,7 +61,7 @@ class ProgramTraining:
         config: settings.
         seed: decides everything.
         solve: whether the program is to bring ψ_R about, or only to reach its end.
-        again: whether it was trained before, and is not good enough yet.
+        turn: how often it was trained before, and was not good enough.
     """
 
     task: Task
@@ -70,7 +70,7 @@ class ProgramTraining:
     config: TrainConfig
     seed: int
     solve: bool
-    again: bool = False
+    turn: int = 0
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
@@ -84,10 +84,13 @@ class ProgramTraining:
         """
         return float(self.wanted ** (1 / max(1, self.repetitions(run))))
 
-    def enough(self, run: Run) -> float:
-        """Return the success at which reinforcement stops; of a subgoal's skill it is what passes, for ψ_R decides."""
+    def enough(self, run: Run, *, again: bool) -> float:
+        """Return the success from which on a skill is not reinforced.
+
+        Of a subgoal's skill, unless it is trained `again`, it is what passes: ψ_R decides what is worth more.
+        """
         most = self.target(run)
-        return most if self.solve else min(most, self.config.passable ** (1 / max(1, self.repetitions(run))))
+        return most if self.solve or again else min(most, self.config.passable)
 
     @property
     def wanted(self) -> float:
@@ -153,6 +156,10 @@ class ProgramTraining:
     def draw(self, name: str) -> np.random.Generator:
         """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
         return np.random.default_rng([self.seed, crc32(name.encode())])
+
+    def in_turn(self, name: str) -> str:
+        """Name what is drawn anew in every turn: what was chosen on some starts shows its true success on others."""
+        return f"{name} {self.turn}" if self.turn else name
 
     def seed_of(self, name: str) -> int:
         """Return a seed of its own for one purpose."""
@@ -299,7 +306,7 @@ class ProgramTraining:
         self, run: Run, skills: Mapping[str, Skill], wanted: int, most: float, purpose: str
     ) -> tuple[StartPool, int]:
         """Run the program up to `run`; starts of other purposes are others."""
-        config, rng = self.config.pool, self.draw(f"{run.controller} {purpose}")
+        config, rng = self.config.pool, self.draw(self.in_turn(f"{run.controller} {purpose}"))
         prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
         seeds = rng.integers(SEEDS, size=config.attempts * wanted)
         found, steps = collect_starts(prefix, self.task, wanted, seeds, rng, config.batch, most)

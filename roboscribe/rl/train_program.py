@@ -93,7 +93,7 @@ def train_program(
     log: ProgramLog = no_log,
     checkpoints: Path | None = None,
     solve: bool = True,
-    again: bool = False,
+    turn: int = 0,
 ) -> TrainingResult:
     """Learn every controller that the library lacks, in textual order.
 
@@ -111,8 +111,8 @@ def train_program(
         checkpoints: directory for progress; finished skills found there are not learned again.
         solve: whether the program is to bring ψ_R about; its last skill then acts on after its own φ, and is improved
             for that where it falls short. Otherwise reaching the program's end is all.
-        again: whether the same program was trained before, and is not good enough yet: what is known is improved then,
-            however well it does in the episodes that are looked at first.
+        turn: how often the same program was trained before, and was not good enough: after that what is known is
+            improved, however well it does in the episodes that are looked at first.
 
     Returns:
         The library with a skill for every controller of the program, and one report per skill worked on.
@@ -123,15 +123,15 @@ def train_program(
         purpose.
     """
     training, context = (
-        ProgramTraining(task, program, demonstrations, config, seed, solve, again),
+        ProgramTraining(task, program, demonstrations, config, seed, solve, turn),
         _RunContext(log, checkpoints),
     )
     skills, reports = dict(library), list[SkillReport]()
-    for turn in _turns(training, library):
-        verdict = _screen(training, turn, skills, reports)
+    for jobs in _turns(training, library):
+        verdict = _screen(training, jobs, skills, reports)
         reports += [] if verdict.report is None else [verdict.report]
         steps = verdict.control_steps
-        for job in turn if verdict.worthwhile else ():
+        for job in jobs if verdict.worthwhile else ():
             name = job.run.controller
             before = 0 if job.again else sum(each.control_steps for each in reports if each.controller == name)
             skills[name], report = _learn(training, context, job, skills, before + steps)
@@ -175,17 +175,17 @@ def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[
 def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
     """Tell whether what was cloned for a subgoal's program mostly fails, so that its loop shows no later iterations."""
     config = training.config
-    failing = any(mostly_fails(training, report.success, report.starts) for report in reports)
+    failing = any(mostly_fails(config, report.success, report.starts) for report in reports)
     return failing and config.profile == "actions" and not training.solve
 
 
-def mostly_fails(training: ProgramTraining, rate: float, starts: int) -> bool:
+def mostly_fails(config: TrainConfig, rate: float, starts: int) -> bool:
     """Tell whether a skill that succeeds from a share of some starts fails too often, beyond chance, to be improved.
 
     Where there were no starts the rate is one of episodes, or 0 because the program never got there.
     """
     at_best = wilson(rate * starts, starts)[1] if starts else rate
-    return at_best < training.config.worth_improving
+    return at_best < config.worth_improving
 
 
 def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
@@ -215,12 +215,13 @@ def _screen(
     """Run the program as things stand, before controllers that have all had a turn get another one.
 
     It is not worthwhile where the program reaches its goal as often as is wanted, nor where it does so too rarely for
-    its controllers to be to blame. One failure too many may be chance: more episodes tell.
+    its controllers to be to blame. One failure too many may be chance: more episodes tell. For what was trained in vain
+    other episodes have told already.
     """
     if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
         return _Screening(False)
     config, job = training.config, turn[0]
-    if (job.again and training.again) or not _can_be_screened(training, job, skills):
+    if (job.again and training.turn) or not _can_be_screened(training, job, skills):
         return _Screening(True)
     seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
     success, steps = _tried(training, skills, seeds[: config.screening])
@@ -299,7 +300,7 @@ def _train(
     report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent + evaluator.world.control_steps)
     context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
     budget = config.learning_steps if job.again else _budget(training, run, rate, len(held_out))
-    if rate < training.target(run) and job.reinforce and budget:
+    if rate < training.enough(run, again=job.again) and job.reinforce and budget:
         warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)
     return warm, replace(report, control_steps=report.control_steps + starts.control_steps)
 
@@ -329,7 +330,8 @@ def _improve(
     def log(metrics: Mapping[str, float], step: int) -> None:
         context.log(job.run.controller, metrics, spent + starts.control_steps + step)
 
-    task = LearnerTask(evaluator.subtask, pool, evaluator, training.enough(job.run), budget, evaluator.rest)
+    enough = training.enough(job.run, again=job.again)
+    task = LearnerTask(evaluator.subtask, pool, evaluator, enough, budget, evaluator.rest)
     learned, by = _reinforce(training, warm, rate, task, log, context.file(f"{job.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)
     if learned.success <= rate:
@@ -342,18 +344,15 @@ def _budget(training: ProgramTraining, run: Run, rate: float, starts: int) -> in
 
     None for ψ_R where no start succeeds, for then nothing is ever rewarded. Few where a subgoal may still be found
     before `run`; none where it is likely, since what was done in demonstrations mostly fails here. Where none is found
-    then, all is trained once more. None either where a subgoal's program can go on as things stand: what is worth
-    reinforcing shows when the program is to bring ψ_R about.
+    then, all is trained once more.
     """
     config = training.config
     if isinstance(run.until, Solved):
         return min(config.opaque_budget, config.budget) if rate else 0
     if training.solve or isinstance(config.learner, SacConfig):
         return config.learning_steps
-    if rate >= config.passable:
-        return 0
     first = run is training.runs[0]
-    if mostly_fails(training, rate, starts) and (first or config.profile == "actions"):
+    if mostly_fails(config, rate, starts) and (first or config.profile == "actions"):
         return 0
     return min(config.first_budget, config.learning_steps) if first else config.learning_steps
 
@@ -362,7 +361,7 @@ def _reinforce(
     training: ProgramTraining, warm: Skill, rate: float, task: LearnerTask, log: Log, progress: Path | None
 ) -> tuple[Learned, str]:
     """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too."""
-    config, seed = training.config, training.seed_of(f"{warm.name} learner")
+    config, seed = training.config, training.seed_of(training.in_turn(f"{warm.name} learner"))
     match config.blind if task.subtask.opaque else config.learner:
         case PpoConfig() as settings:
             from roboscribe.rl.ppo import train_ppo  # each learner's library takes seconds to load

@@ -146,8 +146,9 @@ class Candidate:
         each: whether φ is brought about for one entity of a type after the other: a loop.
         with_others: whether φ relates that entity to one that moves and is not of its type: what is missing may be to
             move that one.
-        comes_with_it: whether φ begins to hold hardly before the subgoal that it should lead to. Where nothing is known
-            to come before that, what is about the robot may: a button is pressed as soon as the hand is there.
+        comes_with_it: whether φ begins to hold hardly before the subgoal that it should lead to. Where nothing about
+            an entity is known to come before that, what is about the robot may: a button is pressed as soon as the hand
+            is there.
         informative: whether φ says enough, and not by chance, see the function of that name.
         only: of a loop, which entities it is about.
         afterwards: whether it is brought about when all that comes before the goal is done.

@@ -19,7 +19,7 @@ STILL = 0.01
 """Share of the range of its initial values by which a number may change that counts as lasting: sensors are noisy."""
 MOST_CUTS = 15
 """Thresholds that are tried for one number; where more would tell entities apart, as many evenly spread ones, and as
-many in the widest gaps: kinds that differ leave one. Then those beside the best of them are."""
+many in the widest gaps: kinds that differ leave one. Then those beside the best of them are tried, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def parting(values: FloatArray, readings: Sequence[tuple[Feature, FloatArray]], 
         if _parted(ends, chosen) <= 0.0:
             only, chosen = _between(feature, initial, ends)
         said = log2(comb(chosen.size, int(chosen.sum())))
-        enough = log2(max(1, 2 * len(cuts) * len(readings)) * len(pairs.members))
+        enough = log2(2 * len(cuts) * len(readings) * len(pairs.members))
         if _parted(ends, chosen) > 0.0 and said >= enough:
             yield only
 
@@ -115,8 +115,6 @@ def _best_side(
     Both sides of the number by which demonstrators tell them apart are to end at the same one, so that all thresholds
     beside the best of the `cuts` are tried, too.
     """
-    if not cuts:
-        return Truth(), ends > np.inf
 
     def rank(side: tuple[float, bool]) -> tuple[bool, float]:
         return _parts(ends, _lies(values, *side))
@@ -151,7 +149,7 @@ def _cuts(values: FloatArray) -> list[float]:
     between = _midpoints(values)
     widest = np.argsort(-np.diff(np.unique(values)), kind="stable")[:MOST_CUTS]
     spread = np.linspace(0, len(between) - 1, MOST_CUTS).astype(int)
-    return [between[i] for i in np.union1d(widest, spread)] if between else []
+    return sorted({between[i] for i in np.union1d(widest, spread)})
 
 
 def _midpoints(values: FloatArray) -> list[float]:

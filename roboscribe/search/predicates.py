@@ -118,9 +118,9 @@ def _anchored(atoms: Sequence[_Atom], samples: Samples) -> Iterable[Candidate]:
 
 
 def _atoms(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
-    found = [_atom(feature, values, sign) for feature, values, sign in _sides(features, samples)]
     most = FAR_FROM_ONE if samples.afterwards else HOPELESS
-    return [atom for atom in found if atom is not None and atom.accepted < most]
+    found = [_atom(feature, values, sign, most) for feature, values, sign in _sides(features, samples)]
+    return [atom for atom in found if atom is not None]
 
 
 def _passing(features: Sequence[Feature], samples: Samples) -> list[_Atom]:
@@ -161,7 +161,7 @@ class _Values:
         return _Values(*(sign * getattr(self, field.name) for field in fields(self)))
 
 
-def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
+def _atom(feature: Feature, values: _Values, sign: float, most: float = HOPELESS) -> _Atom | None:
     """Put the threshold at the extreme of the positives; sign 1 for "below", -1 for "above".
 
     What must still hold with ψ is measured where ψ first holds, what is passed on the way right before: whichever of
@@ -177,7 +177,7 @@ def _atom(feature: Feature, values: _Values, sign: float) -> _Atom | None:
     if too_fine(feature, usual, pos, neg):
         return None
     threshold, gap = bound(pos, neg, spread, usual, before, ball(feature, sign))
-    if neg.size and np.mean(neg < threshold) >= FAR_FROM_ONE:
+    if neg.size and np.mean(neg < threshold) >= most:
         return None
     build: Callable[[float], Predicate] = feature.below if sign > 0 else feature.above
     predicate = build(sign * threshold)

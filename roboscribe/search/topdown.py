@@ -174,12 +174,9 @@ def strictest_literal(
     def refused(literal: Literal, examples: NDArray[np.float32]) -> float:
         return float(examples @ ~literal.truth) / max(1.0, float(examples.sum()))
 
-    taken = kinds.of[positive if chosen is None else chosen]
-    possible = [
-        p
-        for p in literals(kinds.atoms)
-        if kinds.possible(p.truth) and np.sum(~p.truth[taken]) <= tolerance * len(taken)
-    ]
+    rows = kinds.of[positive if chosen is None else chosen]
+    taken = np.bincount(rows, minlength=len(kinds.positives)).astype(np.float32)
+    possible = [p for p in literals(kinds.atoms) if refused(p, taken) <= tolerance and kinds.possible(p.truth)]
     fit = [(refused(p, kinds.negatives), p) for p in possible if refused(p, kinds.positives) <= tolerance]
     most = max((share for share, _ in fit), default=0.0)
     equals = [(share, p) for share, p in fit if share >= most - tolerance]

@@ -77,7 +77,7 @@ class Abandoned:
 
 @dataclass(frozen=True)
 class Retrained:
-    """The best program so far, which succeeded in the share `success` of its episodes, is trained once more."""
+    """A promising program, which succeeded in the share `success` of its episodes, is trained on."""
 
     success: float
 

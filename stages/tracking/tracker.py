@@ -217,7 +217,7 @@ class Tracker:
                 self._note(PARENT, "tag", f"abandoned_{number}", reason, self.attempt)
             case Retrained(success):
                 number = self._count("retrained")
-                self._note(PARENT, "tag", f"retrained_{number}", f"the best program, at {success:.3f}", self.attempt)
+                self._note(PARENT, "tag", f"retrained_{number}", f"a promising program, at {success:.3f}", self.attempt)
             case Removed(subgoal, success):
                 self._note(PARENT, "tag", f"removed_{subgoal}", f"{success:.3f} without it", self.attempt)
             case _:

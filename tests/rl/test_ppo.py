@@ -85,6 +85,24 @@ def test_gives_up_when_patience_is_spent() -> None:
     assert train_ppo(skill, 0.5, stuck, replace(SMALL, patience=3), seed=0).control_steps == 80 * 4
 
 
+@pytest.mark.parametrize(
+    ("rates", "unfinished"),
+    [
+        ([0.3, 0.4, 0.5, 0.6, 0.7], True),
+        ([0.3, 0.4, 0.5, 0.6, 0.5], True),
+        ([0.3, 0.6, 0.5, 0.5, 0.5], False),
+        ([0.1, 0.1, 0.1, 0.1, 0.1], False),
+        ([0.3, 0.4, 0.5, 0.99, 0.99], False),
+    ],
+)
+def test_it_says_whether_steps_ran_out_while_it_was_getting_better(rates: list[float], unfinished: bool) -> None:
+    task, skill = problem(budget=80 * 6)
+    found = iter([*rates, *[rates[-1]] * 20])
+    looked = replace(task, target=0.9, evaluate=lambda candidate, to_beat: Verdict(next(found), 0))
+    settings = replace(SMALL, critic_iterations=1, evaluate_every=1, patience=9)
+    assert train_ppo(skill, 0.2, looked, settings, seed=0).unfinished == unfinished
+
+
 def test_same_seed_same_weights_another_seed_others() -> None:
     task, skill = problem()
     learned = [weights(train_ppo(skill, -1.0, task, SMALL, seed).skill) for seed in (3, 3, 4)]

@@ -122,7 +122,7 @@ def test_skills_that_do_all_that_is_wanted_are_left_as_they_are(trained: Trainin
 def test_what_was_trained_in_vain_is_improved_however_well_it_does_at_a_first_look(trained: TrainingResult) -> None:
     """Else the same few episodes would say for ever that nothing is to be done."""
     content = replace(QUICK, target=0.5, assurance=20, learning=0.0)
-    result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0, again=True)
+    result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0, turn=1)
     assert [report.controller for report in result.reports] == ["hold", "at"]
     assert all(report.starts for report in result.reports)
 
@@ -177,8 +177,23 @@ def test_a_loop_whose_clones_mostly_fail_is_not_trained_together_for_a_subgoal(s
 @pytest.mark.parametrize(("rate", "starts", "fails"), [(0.48, 200, False), (0.4, 200, True), (0.0, 0, True)])
 def test_whether_a_clone_mostly_fails_is_told_by_an_interval(rate: float, starts: int, fails: bool) -> None:
     """48 % of 200 starts may be half of all; where there were no starts nothing was reached."""
-    training = ProgramTraining(TASK, FIRST, SHOWN, QUICK, 0, solve=False)
-    assert mostly_fails(training, rate, starts) == fails
+    assert mostly_fails(QUICK, rate, starts) == fails
+
+
+def test_a_subgoals_skill_is_reinforced_until_it_passes() -> None:
+    at = Run("at", (mu, b, Goal(b)), AT)
+    for solve, again, enough in ((False, False, 0.8), (False, True, 0.97), (True, False, 0.9)):
+        training = ProgramTraining(TASK, LOOP, SHOWN, replace(QUICK, subgoal_target=0.97), 0, solve)
+        assert training.enough(at, again=again) == pytest.approx(enough)
+
+
+def test_in_every_turn_a_program_is_trained_from_other_starts(trained: TrainingResult) -> None:
+    run = Run("hold", (mu, b), HOLD)
+    first, second = (
+        ProgramTraining(TASK, PROGRAM, SHOWN, QUICK, 0, True, turn).held_out(run, trained.library, 1e5, again=True)[0]
+        for turn in (1, 2)
+    )
+    assert not np.array_equal(first.states, second.states)
 
 
 def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:
