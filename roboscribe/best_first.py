@@ -154,7 +154,7 @@ class Line(Generic[Skills]):
         if psi == ROOT and outcome.successes and (not blind or outcome.rate >= PROMISING):
             found = Solution(program, tree, skills, outcome, tuple(self.refinements))
             search.keep(found, self.taken)
-            search.trained_again = found if in_vain else search.trained_again
+            search.trained_again = found if in_vain and search.best is found else search.trained_again
         return skills, outcome
 
     def goes_on(self) -> bool:

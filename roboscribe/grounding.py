@@ -35,7 +35,7 @@ def ground(
     solve: bool,
     log: ProgramLog = no_log,
     checkpoints: Path | None = None,
-    turn: int = 0,
+    trained_before: int = 0,
 ) -> tuple[Library, tuple[SkillReport, ...]]:
     """Give every statement of a program a controller: a learned one, or in profile `scripted` the task's own.
 
@@ -50,7 +50,7 @@ def ground(
         solve: whether the program is to bring ψ_R about, not only to reach its end.
         log: receives figures along the way.
         checkpoints: directory for progress; None keeps none.
-        turn: how often the same program was trained before, and was not good enough.
+        trained_before: how often the same program was trained before, and was not good enough.
 
     Raises:
         TaskError: profile `scripted`, and the task brings no controllers.
@@ -59,7 +59,9 @@ def ground(
         new = scripted(task, program, tree, known, seed)
         return {**known, **new}, tuple(SkillReport(name, "scripted", 0, 0.0, 0.0, 0) for name in new)
     skills = {name: each for name, each in known.items() if isinstance(each, Skill)}
-    result = train_program(task, program, demonstrations, skills, training, seed, log, checkpoints, solve, turn)
+    result = train_program(
+        task, program, demonstrations, skills, training, seed, log, checkpoints, solve, trained_before
+    )
     return result.library, result.reports
 
 
@@ -90,19 +92,19 @@ class LastTraining:
     Args:
         goal: of their program.
         program: as text.
-        turn: how often it was trained before.
+        trained_before: how often it was trained before.
         unfinished: whether steps ran out while one of them was still getting better.
     """
 
     goal: str = ""
     program: str = ""
-    turn: int = 0
+    trained_before: int = 0
     unfinished: bool = False
 
     def next(self, goal: str, program: Program) -> LastTraining:
-        """Say which training comes next: another turn for the same program, or the first for another one."""
+        """Say which training comes next: the same program once more, or another one for the first time."""
         asked = (goal, str(program))
-        return LastTraining(*asked, self.turn + 1 if asked == (self.goal, self.program) else 0)
+        return LastTraining(*asked, self.trained_before + 1 if asked == (self.goal, self.program) else 0)
 
 
 def settled_profile(asked: Profile | None, actions: bool, where: str | Path) -> Profile:

@@ -160,7 +160,15 @@ class Learning:
         known = {name: each for name, each in trained.library.items() if name not in stale(now, trained.grounds)}
         shown, solve, asked = self.evidence.trajectories, goal == ROOT, trained.last.next(goal, program)
         library, reports = ground(
-            self.task, program, tree, shown, known, self.training, self.seed, solve=solve, turn=asked.turn
+            self.task,
+            program,
+            tree,
+            shown,
+            known,
+            self.training,
+            self.seed,
+            solve=solve,
+            trained_before=asked.trained_before,
         )
         for report in reports:
             self.tell(f"π_{report.controller}: {report.learner}, {report.success:.0%}, {report.control_steps} steps")

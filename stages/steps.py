@@ -139,7 +139,7 @@ class StagedSteps:
         afresh, plan = stale(now, library.grounds), self.plan
         new = [name for name in now if name not in library.grounds or name in afresh]
         asked = library.last.next(goal, program)
-        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT, asked.turn)
+        config = train.Config(plan.practice, goal, plan.seed, plan.training, afresh, goal == ROOT, asked.trained_before)
         inputs = {**self.shown(tree), "program": self.program(program), **library.inputs()}
         label = f"train {', '.join(new)}" if new else f"improve {', '.join(now)} for {goal}"
         out = self.call(label, train.STAGE, config, inputs)

@@ -36,7 +36,7 @@ class Config:
         training: settings of the learners.
         afresh: controllers of the library that are to be trained again.
         solve: whether the program is to bring ψ_R about, not only to reach its end.
-        turn: how often the same program was trained before, and was not good enough.
+        trained_before: how often the same program was trained before, and was not good enough.
     """
 
     task: TaskConfig
@@ -45,7 +45,7 @@ class Config:
     training: TrainConfig = field(default_factory=TrainConfig)
     afresh: tuple[str, ...] = ()
     solve: bool = True
-    turn: int = 0
+    trained_before: int = 0
 
 
 def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ignore_progress) -> None:
@@ -75,7 +75,7 @@ def run(config: Config, inputs: Inputs, out: Path, report: ProgressCallback = ig
         solve=config.solve,
         log=_Log(out / METRICS, config.training, report),
         checkpoints=out / PROGRESS,
-        turn=config.turn,
+        trained_before=config.trained_before,
     )
     write_library(out, grown)
     write_json(out / LIMITS, dict(step_limits(program, shown, task, config.training.confirm)))

@@ -17,7 +17,7 @@ from roboscribe.dsl.semantics import evaluate, holds
 from roboscribe.dsl.syntax import Exists, Get, Predicate, Program, Run, Solved, Truth, While
 from roboscribe.reward import atom_term, atoms
 from roboscribe.rl.clone import initial_skill
-from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.config import SacConfig, TrainConfig
 from roboscribe.rl.last_statement import continues_if
 from roboscribe.rl.observation import ObservationSpec, observation_spec
 from roboscribe.rl.pool import StartPool
@@ -61,7 +61,7 @@ class ProgramTraining:
         config: settings.
         seed: decides everything.
         solve: whether the program is to bring ψ_R about, or only to reach its end.
-        turn: how often it was trained before, and was not good enough.
+        trained_before: how often it was trained before, and was not good enough.
     """
 
     task: Task
@@ -70,7 +70,7 @@ class ProgramTraining:
     config: TrainConfig
     seed: int
     solve: bool
-    turn: int = 0
+    trained_before: int = 0
 
     @cached_property
     def runs(self) -> tuple[Run, ...]:
@@ -87,10 +87,12 @@ class ProgramTraining:
     def enough(self, run: Run, *, again: bool) -> float:
         """Return the success from which on a skill is not reinforced.
 
-        Of a subgoal's skill, unless it is trained `again`, it is what passes: ψ_R decides what is worth more.
+        Of a subgoal's skill, unless it is trained `again`, it is what passes: ψ_R decides what is worth more. SAC would
+        begin anew then.
         """
         most = self.target(run)
-        return most if self.solve or again else min(most, self.config.passable)
+        entirely = again or isinstance(self.config.learner, SacConfig)
+        return most if self.solve or entirely else min(most, self.config.passable)
 
     @property
     def wanted(self) -> float:
@@ -157,9 +159,9 @@ class ProgramTraining:
         """Return a generator of its own for one purpose, so that a resumed run draws the same numbers."""
         return np.random.default_rng([self.seed, crc32(name.encode())])
 
-    def in_turn(self, name: str) -> str:
-        """Name what is drawn anew in every turn: what was chosen on some starts shows its true success on others."""
-        return f"{name} {self.turn}" if self.turn else name
+    def this_time(self, name: str) -> str:
+        """Name what is drawn anew each time: what was chosen on some starts shows its true success on others."""
+        return f"{name} {self.trained_before}" if self.trained_before else name
 
     def seed_of(self, name: str) -> int:
         """Return a seed of its own for one purpose."""
@@ -306,7 +308,7 @@ class ProgramTraining:
         self, run: Run, skills: Mapping[str, Skill], wanted: int, most: float, purpose: str
     ) -> tuple[StartPool, int]:
         """Run the program up to `run`; starts of other purposes are others."""
-        config, rng = self.config.pool, self.draw(self.in_turn(f"{run.controller} {purpose}"))
+        config, rng = self.config.pool, self.draw(self.this_time(f"{run.controller} {purpose}"))
         prefix = Prefix(self.program, self.ranks(run), skills, self.limits, self.config.confirm)
         seeds = rng.integers(SEEDS, size=config.attempts * wanted)
         found, steps = collect_starts(prefix, self.task, wanted, seeds, rng, config.batch, most)

@@ -93,7 +93,7 @@ def train_program(
     log: ProgramLog = no_log,
     checkpoints: Path | None = None,
     solve: bool = True,
-    turn: int = 0,
+    trained_before: int = 0,
 ) -> TrainingResult:
     """Learn every controller that the library lacks, in textual order.
 
@@ -111,7 +111,7 @@ def train_program(
         checkpoints: directory for progress; finished skills found there are not learned again.
         solve: whether the program is to bring ψ_R about; its last skill then acts on after its own φ, and is improved
             for that where it falls short. Otherwise reaching the program's end is all.
-        turn: how often the same program was trained before, and was not good enough: after that what is known is
+        trained_before: how often the same program was trained, and was not good enough: after that what is known is
             improved, however well it does in the episodes that are looked at first.
 
     Returns:
@@ -123,15 +123,15 @@ def train_program(
         purpose.
     """
     training, context = (
-        ProgramTraining(task, program, demonstrations, config, seed, solve, turn),
+        ProgramTraining(task, program, demonstrations, config, seed, solve, trained_before),
         _RunContext(log, checkpoints),
     )
     skills, reports = dict(library), list[SkillReport]()
-    for jobs in _turns(training, library):
-        verdict = _screen(training, jobs, skills, reports)
+    for turn in _turns(training, library):
+        verdict = _screen(training, turn, skills, reports)
         reports += [] if verdict.report is None else [verdict.report]
         steps = verdict.control_steps
-        for job in jobs if verdict.worthwhile else ():
+        for job in turn if verdict.worthwhile else ():
             name = job.run.controller
             before = 0 if job.again else sum(each.control_steps for each in reports if each.controller == name)
             skills[name], report = _learn(training, context, job, skills, before + steps)
@@ -221,7 +221,7 @@ def _screen(
     if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
         return _Screening(False)
     config, job = training.config, turn[0]
-    if (job.again and training.turn) or not _can_be_screened(training, job, skills):
+    if (job.again and training.trained_before) or not _can_be_screened(training, job, skills):
         return _Screening(True)
     seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
     success, steps = _tried(training, skills, seeds[: config.screening])
@@ -361,7 +361,7 @@ def _reinforce(
     training: ProgramTraining, warm: Skill, rate: float, task: LearnerTask, log: Log, progress: Path | None
 ) -> tuple[Learned, str]:
     """Learn by reinforcement, from the warm start by PPO or from scratch by SAC; returns what by, too."""
-    config, seed = training.config, training.seed_of(training.in_turn(f"{warm.name} learner"))
+    config, seed = training.config, training.seed_of(training.this_time(f"{warm.name} learner"))
     match config.blind if task.subtask.opaque else config.learner:
         case PpoConfig() as settings:
             from roboscribe.rl.ppo import train_ppo  # each learner's library takes seconds to load

@@ -122,7 +122,7 @@ def test_skills_that_do_all_that_is_wanted_are_left_as_they_are(trained: Trainin
 def test_what_was_trained_in_vain_is_improved_however_well_it_does_at_a_first_look(trained: TrainingResult) -> None:
     """Else the same few episodes would say for ever that nothing is to be done."""
     content = replace(QUICK, target=0.5, assurance=20, learning=0.0)
-    result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0, turn=1)
+    result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0, trained_before=1)
     assert [report.controller for report in result.reports] == ["hold", "at"]
     assert all(report.starts for report in result.reports)
 
@@ -182,9 +182,12 @@ def test_whether_a_clone_mostly_fails_is_told_by_an_interval(rate: float, starts
 
 def test_a_subgoals_skill_is_reinforced_until_it_passes() -> None:
     at = Run("at", (mu, b, Goal(b)), AT)
-    for solve, again, enough in ((False, False, 0.8), (False, True, 0.97), (True, False, 0.9)):
+    cases = ((False, False, 0.8), (False, True, 0.97), (True, False, 0.9))
+    for solve, again, enough in cases:
         training = ProgramTraining(TASK, LOOP, SHOWN, replace(QUICK, subgoal_target=0.97), 0, solve)
         assert training.enough(at, again=again) == pytest.approx(enough)
+    anew = ProgramTraining(TASK, LOOP, SHOWN, replace(QUICK, subgoal_target=0.97, learner=SAC), 0, solve=False)
+    assert anew.enough(at, again=False) == pytest.approx(0.97), "SAC would begin anew for the task"
 
 
 def test_in_every_turn_a_program_is_trained_from_other_starts(trained: TrainingResult) -> None:
