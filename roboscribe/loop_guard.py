@@ -255,7 +255,7 @@ def loop_examples(evidence: Evidence, phi: Predicate, name: str, begins: IntArra
     to the loop, at `begins` (D,): of what comes before that nothing is said. Entities that satisfy φ from the
     start are never handled; one that never satisfies φ is being handled when the demonstration ends; demonstrations
     in which several do not show nothing and are left out. Where what was done is undone again, by a push in passing,
-    the entity is no example.
+    the entity is no example, and no choice is made: whoever goes on to another one has not seen it.
 
     Source: Algorithm 6, lines 3-12.
     """
@@ -269,7 +269,9 @@ def loop_examples(evidence: Evidence, phi: Predicate, name: str, begins: IntArra
     parts = [_label(*each, members) for each in shown]
     frames, entities, positive, done, choice = (np.concatenate(column) for column in zip(*parts, strict=True))
     examples = Examples(evidence.states, frames, entities, positive, done, choice)
-    return examples[~done | holds(phi, examples.states, {name: entities}, evidence.layout, evidence.solved)]
+    undone = done & ~holds(phi, examples.states, {name: entities}, evidence.layout, evidence.solved)
+    settled = ~np.isin(frames, frames[undone])
+    return replace(examples, choice=choice & settled)[~undone]
 
 
 def _label(
