@@ -120,8 +120,8 @@ def _best_side(
         return _parts(ends, _lies(values, *side))
 
     cut, above = max(((cut, above) for above in (False, True) for cut in cuts), key=rank)
-    at = cuts.index(cut)
-    low, high = [-np.inf, *cuts, np.inf][at], [-np.inf, *cuts, np.inf][at + 2]
+    at, bounds = cuts.index(cut), [-np.inf, *cuts, np.inf]
+    low, high = bounds[at], bounds[at + 2]
     cut = max((cut, *(other for other in _midpoints(values) if low < other < high)), key=lambda cut: rank((cut, above)))
     return feature.above(cut) if above else feature.below(cut), _lies(values, cut, above)
 
