@@ -188,6 +188,14 @@ def mostly_fails(config: TrainConfig, rate: float, starts: int) -> bool:
     return at_best < config.worth_improving
 
 
+def may_be_enough(rate: float, starts: int, enough: float) -> bool:
+    """Tell whether a skill that succeeds from a share of some starts may, for all they tell, be as good as is asked.
+
+    Others are more likely to blame then; where the program fails all the same, it is improved the next time.
+    """
+    return wilson(rate * starts, starts)[1] >= enough
+
+
 def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
     """List the controllers of the library that are to be improved, in textual order.
 
@@ -300,7 +308,9 @@ def _train(
     report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent + evaluator.world.control_steps)
     context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
     budget = config.learning_steps if job.again else _budget(training, run, rate, len(held_out))
-    if rate < training.enough(run, again=job.again) and job.reinforce and budget:
+    enough = training.enough(run, again=job.again)
+    spared = job.again and not training.trained_before and may_be_enough(rate, len(held_out), enough)
+    if rate < enough and not spared and job.reinforce and budget:
         warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)
     return warm, replace(report, control_steps=report.control_steps + starts.control_steps)
 

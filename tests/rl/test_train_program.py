@@ -15,7 +15,7 @@ from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConf
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import ProgramTraining, step_limits
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import TrainingResult, mostly_fails, train_program
+from roboscribe.rl.train_program import TrainingResult, may_be_enough, mostly_fails, train_program
 from roboscribe.world.layout import BoolArray, FloatArray
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
@@ -125,6 +125,29 @@ def test_what_was_trained_in_vain_is_improved_however_well_it_does_at_a_first_lo
     result = train_program(TASK, PROGRAM, SHOWN, trained.library, content, 0, trained_before=1)
     assert [report.controller for report in result.reports] == ["hold", "at"]
     assert all(report.starts for report in result.reports)
+
+
+@pytest.mark.parametrize(
+    ("failures", "starts", "enough"), [(3, 384, True), (6, 384, False), (2, 200, True), (4, 200, False)]
+)
+def test_whether_a_skill_is_good_enough_is_told_by_an_interval(failures: int, starts: int, enough: bool) -> None:
+    assert may_be_enough(1 - failures / starts, starts, 0.995) == enough
+
+
+def test_what_may_be_good_enough_is_improved_only_where_the_program_was_trained_in_vain(
+    trained: TrainingResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    demanding, learned = replace(QUICK, target=2.0), list[str]()
+    monkeypatch.setattr("roboscribe.rl.train_program.may_be_enough", lambda *_: True)
+
+    def improve(_training: object, _context: object, job: Any, warm: Skill, report: object, *_: object) -> object:  # noqa: ANN401
+        learned.append(job.title)
+        return warm, report
+
+    monkeypatch.setattr("roboscribe.rl.train_program._improve", improve)
+    for times, titles in ((0, []), (1, ["hold.improved", "at.improved"])):
+        train_program(TASK, PROGRAM, SHOWN, trained.library, demanding, 0, trained_before=times)
+        assert learned == titles
 
 
 def test_a_loop_that_does_all_that_is_wanted_takes_one_turn() -> None:
