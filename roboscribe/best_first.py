@@ -8,7 +8,7 @@ from heapq import heappop, heappush
 from typing import Generic, TypeVar
 
 from roboscribe.classifier import Refinement
-from roboscribe.dsl.syntax import Program
+from roboscribe.dsl.syntax import Predicate, Program
 from roboscribe.errors import Fail
 from roboscribe.steps import Limits, Outcome, Refined, Retrained, Skills, Solution, Steps
 from roboscribe.subtask_tree import ROOT, Tree
@@ -16,7 +16,7 @@ from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import AGREEMENT
 
 T = TypeVar("T")
-TRIED = "trained and did not help"
+TRIED, PRECEDES = "trained and did not help", "comes before the goal already"
 BY_DEGREES, IN_KIND = 1, 2
 """What a choice gives away that takes the next best: hardly anything where it is worse by degrees alone."""
 PROMISING = 0.5
@@ -202,7 +202,10 @@ class Line(Generic[Skills]):
         if len(self.refinements) >= self.limits.refinements:
             return Fail(f"{self.limits.refinements} refinements were not enough")
         found = self.search.steps.classify(failures, tree, psi)
-        return found if isinstance(found, Fail) else _Options(self.search.steps, found, tree)
+        if isinstance(found, Fail):
+            return found
+        before = frozenset((each.node.predicate, each.node.only) for each in self.refinements if each.psi == psi)
+        return _Options(self.search.steps, found, tree, before)
 
     def _choose(self) -> int:
         """Take the next choice; beyond those given the best."""
@@ -227,11 +230,12 @@ class Line(Generic[Skills]):
 
 @dataclass
 class _Options(Generic[Skills]):
-    """The subgoals of a table that can be right, found one after the other."""
+    """The subgoals of a table that can be right, found one after the other; those `before` the goal are no other."""
 
     steps: Steps[Skills]
     refinement: Refinement
     tree: Tree
+    before: frozenset[tuple[Predicate, Predicate]]
     found: list[Refined] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     passed: list[tuple[str, str]] = field(default_factory=list)
@@ -255,6 +259,10 @@ class _Options(Generic[Skills]):
         """Look at the next row of the table before anything is trained for it."""
         row = self.looked_at
         candidate = self.refinement.table[row]
+        if (candidate.predicate, candidate.only) in self.before:
+            self.passed.append((str(candidate.predicate), PRECEDES))
+            self.looked_at += 1
+            return
         refinement = self.steps.alternative(self.refinement, row, self.tree)
         self.looked_at += 1
         tree = self.steps.update_tree(self.tree, refinement)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
-from roboscribe.best_first import TRIED
+from roboscribe.best_first import PRECEDES, TRIED
 from roboscribe.errors import Fail
 from roboscribe.steps import Abandoned, Refined, Retrained
 from roboscribe.subtask_tree import ROOT, Tree
@@ -90,6 +90,14 @@ def test_passed_over_reasons_are_reported() -> None:
         str(HOLD1.predicate): TRIED,
     }
     assert not {("at", "at"), ("other", "other")} & set(story.asked), "nothing is trained for them"
+
+
+def test_what_comes_before_a_goal_already_is_no_other_step_towards_it() -> None:
+    again = replace(AT1, name="again")
+    story = Story({("at", "at"): 20, ("third", "at third"): 20, **root(20, "at third")}, {ROOT: [AT1, again, THIRD]})
+    answer = solved(story)
+    assert [r.node.name for r in answer.refinements] == ["at", "third"]
+    assert answer.refinements[1].passed_over == ((str(AT1.predicate), PRECEDES),)
 
 
 def test_one_demonstration_in_twenty_may_stay_unexplained() -> None:

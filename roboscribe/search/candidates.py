@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import factorial
 
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, uses_robot, walk
 from roboscribe.dsl.syntax import Exists, Goal, Predicate, Truth, Var
+from roboscribe.search.chance import informative
 from roboscribe.search.features import Feature
 from roboscribe.search.length import length
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
@@ -38,12 +38,8 @@ LOOP_GAIN = 0.1
 """The same of a loop, for every entity bears it out: a place says more than the half of the table that it lies in."""
 MOST_BITS = 6.0
 """Bits beyond which a number says no more: a threshold of one part in 64 is as sharp as a controller can be."""
-CHANCE = 0.05
-"""How many predicates may be expected to hold at every crossing by chance, as often as they hold in failing states."""
 LATE = 0.9
 """Part of the way to a subgoal beyond which what begins to hold comes with it and is hardly a step towards it."""
-LEAST_BITS = 1.0
-"""Bits below which a predicate says nothing: it does not even halve what is possible."""
 TELLING = 2.0
 """Bits below which being about the goal's entities does not count: a side of the table that the goal lies on is passed
 on the way to it, whatever stands in the way."""
@@ -51,11 +47,11 @@ OFTEN = 0.1
 """Share of the crossings beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
 """Shares of frames on which a predicate is lost again that count as equally well maintained."""
+MOST_INITIAL = 0.5
+"""Share of the crossings that may begin with what leads on: more often than not there has to be something to do."""
 LEAST_KEPT = 0.5
 """Share of the frames up to the goal on which a subgoal has to hold on: what is mostly lost again is passed by, and a
 program that waits for it goes back."""
-MOST_INITIAL = 0.5
-"""Share of the crossings that may begin with a predicate satisfied: more often than not it has to be brought about."""
 
 
 @dataclass(frozen=True)
@@ -193,6 +189,17 @@ class Candidate:
         return self.possible and self.relevant
 
     @property
+    def leads_on(self) -> bool:
+        """Whether it is a step of the goal's own.
+
+        It is about the goal's entities and comes before them, says much, has mostly to be brought about, and fails
+        clearly with them. Of what a loop repeats every entity is a witness: that need not say as much.
+        """
+        tells = self.each or self.bits >= TELLING
+        mostly_late, fails = self.initial <= MOST_INITIAL, self.accepted <= CLEAR
+        return self.relevant and not self.comes_with_it and tells and mostly_late and fails
+
+    @property
     def cost(self) -> float:
         """Weigh what differs by degrees: how late φ is, how many failures it accepts, how long it is, what it says.
 
@@ -209,15 +216,15 @@ class Candidate:
     def levels(self) -> tuple[float | bool, ...]:
         """What differs in kind between candidates; those that differ only by degrees may prove to be better.
 
-        It is brought about on the way; separates; is no weaker copy of what is there; is about the goal's entities,
-        before them, says much of them, and fails clearly with them; is maintained; mentions an entity, but few; recurs;
-        stands well with the predecessors; is not often true at the start; accepts few failures.
+        It is brought about on the way; separates; is no weaker copy of what is there; leads on to the goal; is
+        maintained; mentions an entity, but few; recurs; stands well with the predecessors; is not often true at the
+        start; accepts few failures.
         """
         return (
             not self.advances,
             not self.separates,
             self.copy,
-            not self.relevant or self.accepted > CLEAR or self.comes_with_it or self.bits < TELLING,
+            not self.leads_on,
             level(1.0 - self.kept, LOST_LEVELS),
             self.entities == 0,
             not self.each or self.with_others,
@@ -233,44 +240,6 @@ class Candidate:
         What `levels` says; then it is reached early, is small, says much and accepts fewer still; has a wide margin.
         """
         return (*self.levels, self.cost, -self.margin, str(self.predicate))
-
-
-def informative(
-    bits: float, accepted: BoolArray, crossings: int, choices: int, atoms: int = 1, *, leaving: bool = False
-) -> bool:
-    """Tell whether a predicate says enough, and not by chance; arguments as below."""
-    return enough_said(bits, crossings, choices, leaving=leaving) and not likely_chance(
-        accepted, crossings, choices, atoms
-    )
-
-
-def enough_said(bits: float, crossings: int, choices: int, *, leaving: bool = False) -> bool:
-    """Tell whether a predicate says more than it takes to name it.
-
-    Args:
-        bits: what it says about one crossing.
-        crossings: how often the demonstrations agree with it; from few of them something always seems to follow.
-        choices: how many expressions were on offer.
-        leaving: whether it is about leaving something: almost anywhere is away from it.
-    """
-    return bool((bits >= LEAST_BITS or leaving) and bits * crossings >= np.log2(choices))
-
-
-def likely_chance(accepted: BoolArray, crossings: int, choices: int, atoms: int = 1) -> bool:
-    """Tell whether some predicate would hold at every crossing even if crossings were no more than failing states.
-
-    Args:
-        accepted: (M,) failing states on which the predicate holds.
-        crossings: how often the demonstrations agree with it; of few, failing states would agree with much.
-        choices: how many expressions were on offer, each with two sides.
-        atoms: of how many of them the predicate consists; each has a threshold of its own, at the outermost crossing,
-            so that more of them leave fewer states by chance.
-    """
-    share = (np.count_nonzero(accepted) + 1) / (len(accepted) + 2)
-    # Each atom by itself lets pass what the greatest of as many uniform numbers does; these are multiplied.
-    fitted = sum((-crossings * np.log(share)) ** n / factorial(n) for n in range(atoms))
-    by_chance = atoms * np.log2(2 * choices) + crossings * np.log2(share) + np.log2(fitted)
-    return bool(by_chance > np.log2(CHANCE))
 
 
 def is_copy(feature: Feature, known: Mapping[str, int]) -> bool:
@@ -340,7 +309,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         entities=len({name for f in it.features for name in free_vars(f.term)}),
         bits=it.bits,
         informative=informative(
-            it.bits, it.on_negatives, len(samples.starts), samples.choices, len(it.features), leaving=leaving
+            it.bits, it.on_negatives, int((first > 0).sum()), samples.choices, len(it.features), leaving=leaving
         ),
         size=length(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
@@ -364,7 +333,7 @@ def _standing(phi: Predicate, samples: Samples, *, of_robot: bool) -> int:
 def _advances(first: IntArray, lengths: IntArray, others: Sequence[IntArray]) -> bool:
     """Whether a predicate that first holds at `first` (C,) is brought about, on one side of each of `others` (C,)."""
     voters = first > 0
-    if np.mean(first < lengths) < AGREEMENT or np.mean(~voters) > MOST_INITIAL:
+    if np.mean(first < lengths) < AGREEMENT or not voters.any():
         return False
     sides = ((first >= other, first < other) for other in others)
     return all(max(np.mean(after[voters]), np.mean(before[voters])) >= AGREEMENT for after, before in sides)

@@ -13,17 +13,17 @@ import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, uses_robot, walk
 from roboscribe.dsl.syntax import Goal, Predicate, Truth
-from roboscribe.search.candidates import MOST_INITIAL, Candidate, informative, is_copy
+from roboscribe.search.candidates import MOST_INITIAL, Candidate, is_copy
+from roboscribe.search.chance import informative
 from roboscribe.search.features import Feature
 from roboscribe.search.length import length
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
-from roboscribe.search.thresholds import ball, bits, bound, too_fine, usual_range
+from roboscribe.search.thresholds import ball, bits, bound, near_side, too_fine, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true, last_false
 
 ARRIVING = 2
 """Frames before ψ_R first holds within which something arrives for it: where it lies is measured at the last two."""
-
 TOGETHER = 0.5
 """Share of the arrivals with which another entity may be moved, too; more often, it is not done for one at a time."""
 
@@ -48,7 +48,9 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
         if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
-                telling = readings if _mentions_goal(feature) else [r for r in readings if not _mentions_goal(r[0])]
+                telling = (
+                    readings if _mentions_goal(feature) else [r for r in readings if not _mentions_goal(r.feature)]
+                )
                 for sign in (1.0, -1.0):
                     for only in (*all_of_them, *parting(sign * values, telling, pairs)):
                         found = _candidate(feature, features, sign, sign * values, sign * negatives, pairs, only)
@@ -82,7 +84,8 @@ def _candidate(
     if too_fine(feature, usual, kept, worst):
         return None
     unseen = 0.5 * _last_step(values, float(kept.max()), pairs)
-    threshold, gap = bound(kept, worst, spread, usual, arriving, ball(feature, sign), unseen)
+    spared = _spared(values, pairs) - near_side(kept)
+    threshold, gap = bound(kept, worst, spread, usual, arriving, ball(feature, sign), max(unseen, spared))
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -92,7 +95,8 @@ def _candidate(
     if np.mean(missing <= min(1, len(pairs.members) - 1)) < AGREEMENT:
         return None
     meant = np.isfinite(values[:, pairs.starts]).any(axis=0)
-    if np.mean(late.any(axis=1)[meant]) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
+    shown = late.any(axis=1) if len(pairs.members) > 1 else late.any(axis=1)[meant]
+    if np.mean(shown) < 1.0 - MOST_INITIAL or not _one_by_one(first, late):
         return None
     if _together(values, first, late, pairs) > TOGETHER:
         return None
@@ -128,8 +132,9 @@ def _at_the_end(values: FloatArray, pairs: Pairs) -> tuple[FloatArray, FloatArra
     before = values[:, pairs.lasts - 1]
     pos = np.minimum(values[:, pairs.lasts], before)
     there = np.isfinite(pos)
-    settled = _settled(values, pos.max(), pairs)
-    arriving = there & ~settled
+    since = _last_beyond(values, float(pos.max()), pairs)
+    settled = _settled(since, pairs)
+    arriving = there & (since >= 0) & ~settled
     if settled.any(axis=0).mean() < AGREEMENT:
         settled, arriving = there, there
     kept = pos[settled]
@@ -139,16 +144,30 @@ def _at_the_end(values: FloatArray, pairs: Pairs) -> tuple[FloatArray, FloatArra
     return kept, beyond[int((1.0 - AGREEMENT) * len(pairs.starts)) :]
 
 
-def _settled(values: FloatArray, threshold: float, pairs: Pairs) -> BoolArray:
-    """Tell which (entity, demonstration) pairs were left behind before ψ_R held, (N, D).
+def _last_beyond(values: FloatArray, threshold: float, pairs: Pairs) -> IntArray:
+    """Return the last step at which entities lay beyond a threshold, (N, D); -1 where they never did."""
+    return np.stack([last_false(row <= threshold, pairs.starts) for row in values])
+
+
+def _settled(since: IntArray, pairs: Pairs) -> BoolArray:
+    """Tell which entities were left behind before ψ_R held, by when they were last beyond where they belong; (N, D).
 
     The one that was served last is still being served when a demonstration ends at once, so it may be further off; not
     where something else is done after it.
     """
-    since = np.stack([last_false(row <= threshold, pairs.starts) for row in values])
     arriving = since >= pairs.lasts - pairs.starts - ARRIVING
     settled: BoolArray = (since >= 0) & ((since < since.max(axis=0)) | ~arriving)
     return settled
+
+
+def _spared(values: FloatArray, pairs: Pairs) -> float:
+    """Return how far off entities lie that need nothing, from the start on, once ψ_R holds; values (N, S).
+
+    What they say bounds a threshold; it says nothing of what is brought about.
+    """
+    last = values[:, pairs.lasts]
+    spared = last[(_last_beyond(values, float(last.max()), pairs) < 0) & np.isfinite(last)]
+    return near_side(spared) if spared.size else -np.inf
 
 
 def _last_step(values: FloatArray, extreme: float, pairs: Pairs) -> float:

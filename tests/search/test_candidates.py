@@ -10,7 +10,8 @@ import pytest
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Truth
-from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, enough_said, judge, likely_chance
+from roboscribe.search.candidates import Anchor, Candidate, Judged, Samples, judge
+from roboscribe.search.chance import enough_said, likely_chance
 from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.trajectory import NEVER, first_true, restored
@@ -153,7 +154,8 @@ def test_figures_of_three_demonstrations_by_hand() -> None:
     ("on_frames", "advances"),
     [
         ("0111 0010 1111", True),  # one that begins with it has no say
-        ("0111 1111 1111", False),  # most begin with it
+        ("0111 1111 1111", True),  # most begin with it, and have no say either
+        ("1111 1111 1111", False),  # nobody brings it about
         ("0111 0010 0000", False),  # one never reaches it
     ],
 )
@@ -241,11 +243,10 @@ def test_a_hand_leaves_things_and_not_the_places_where_they_belong() -> None:
 
 def test_who_leaves_need_not_say_much_for_almost_anywhere_will_do() -> None:
     states = random_states(np.random.default_rng(0), 30)
-    given = replace(samples(states, states[:4], episodes=(states[:1],) * 30), afterwards=True)
+    given = replace(samples(states, states[:4], episodes=(states[:2],) * 30), afterwards=True)
+    late = np.tile([False, True], 30)
     for text, informative in (("¬∃b':block. b'↓p < 0.5", True), ("b1↓p > 0.5", True), ("μ↓opening > 0.5", False)):
-        it = Judged(
-            parse_predicate(text), (feature("μ↓opening"),), np.zeros(400, np.bool_), np.ones(30, np.bool_), 0.2, (), 0.9
-        )
+        it = Judged(parse_predicate(text), (feature("μ↓opening"),), np.zeros(400, np.bool_), late, 0.2, (), 0.9)
         assert judge(it, given).informative == informative
 
 
@@ -271,3 +272,20 @@ def test_what_begins_to_hold_with_a_subgoal_is_no_step_towards_it(
     )
     assert judge(it, given).comes_with_it == comes_with_it
     assert not held or judge(replace(it, anchor=anchor), given).comes_with_it == comes_with_it
+
+
+def test_a_side_of_the_table_leads_nowhere_unless_one_entity_after_the_other_is_brought_there() -> None:
+    found = replace(judged("0111 0010 1111", three_demonstrations()), bits=1.5, accepted=0.0)
+    assert not found.leads_on
+    assert replace(found, each=True).leads_on
+    assert replace(found, bits=2.0).leads_on
+    assert not replace(found, bits=2.0, initial=0.6).leads_on, "most begin with it"
+
+
+def test_only_those_who_bring_it_about_bear_it_out() -> None:
+    states = random_states(np.random.default_rng(0), 40)
+    given = samples(states, states[:4], episodes=(states[:2],) * 20)
+    for late, informative in ((20, True), (1, False)):
+        frames = np.concatenate([np.tile([False, True], late), np.ones(2 * (20 - late), np.bool_)])
+        it = Judged(parse_predicate("b1↓p > 0.5"), (feature("b1↓p"),), np.zeros(400, np.bool_), frames, 0.2, (), 1.5)
+        assert judge(it, given).informative == informative

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import walk
 from roboscribe.dsl.syntax import Const, Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
-from roboscribe.search.loop_entities import Pairs
+from roboscribe.search.loop_entities import Pairs, _Subsets, middle
 from roboscribe.search.recurring import recurring_candidates
 from roboscribe.world.layout import FloatArray, Layout
 from tests.search.examples import LAYOUT as ONE
@@ -93,6 +96,15 @@ def test_of_three_places_in_a_row_the_first_is_for_one_kind_not_for_two() -> Non
     assert set(told_apart(LEVELS, LEVELS)) - {"true"} == {"b1↓s < 0.3"}
 
 
+def test_what_hardly_any_demonstration_does_with_one_of_several_is_no_loop() -> None:
+    levels = np.random.default_rng(1).choice([0.1, 0.5], (40, 3))
+    for shown, loops in ((30, 1), (4, 0)):
+        some = levels.copy()
+        some[:shown, 0] = 0.9
+        told = told_apart(some, np.where(some > 0.7, 0.0, 0.98))
+        assert len(set(told) - {"true"}) == loops
+
+
 def test_what_is_done_to_a_single_entity_may_depend_on_it() -> None:
     alone = LEVELS[:, :1]
     (loop,) = told_apart(alone, np.where(alone > 0.3, 0.0, 0.98)).values()
@@ -115,3 +127,62 @@ def test_both_sides_of_the_number_that_tells_entities_apart_end_at_the_same_thre
     cuts = [[n.value for n in walk(c.only) if isinstance(n, Const)] for c in (below, above)]
     assert cuts[0] == cuts[1]
     assert ((levels < cuts[0]) == (levels < 0.5)).all()
+
+
+def test_a_kind_is_told_by_every_threshold_even_where_few_lie_near_its_own() -> None:
+    """One block in the gap: the threshold beside it parts all, wider gaps elsewhere part most."""
+    rng = np.random.default_rng(3)
+    levels = np.where(rng.random((40, 3)) < 0.5, rng.uniform(0.0, 0.3, (40, 3)), rng.uniform(0.7, 1.0, (40, 3)))
+    levels[0, 0] = 0.501
+    loop = next(c for c in told_apart(levels, np.where(levels > 0.5, 0.0, 0.98)).values() if c.only != Truth())
+    (cut,) = [n.value for n in walk(loop.only) if isinstance(n, Const)]
+    assert ((levels > cut) == (levels > 0.5)).all()
+
+
+def test_two_bounds_are_better_than_one_that_parts_all_but_a_few() -> None:
+    levels = np.random.default_rng(5).choice([0.1, 0.5, 0.9], (DEMONSTRATIONS, 3), p=[0.45, 0.5, 0.05])
+    assert (levels == 0.9).any()
+    (loop,) = told_apart(levels, np.where(levels == 0.5, 0.0, 0.98)).values()
+    assert loop.only == parse_predicate("b1↓s > 0.3 ∧ b1↓s < 0.7")
+
+
+def lit_and_served(blocks: int) -> dict[str, Candidate]:
+    """Find what recurs with p where a lamp's s decides whether p of each block ends low."""
+    rng = np.random.default_rng(3)
+    lamp = replace(ONE.entities[0], name="lamp")
+    layout = Layout(ONE.robot, (*ONE.entities * blocks, lamp))
+    p, s = (tuple(layout.columns[i, name, False].start for i in range(blocks + 1)) for name in ("p", "s"))
+    states = rng.uniform(0.5, 1.0, (DEMONSTRATIONS, LENGTH, layout.size))
+    lit = rng.random(DEMONSTRATIONS) < 0.5
+    states[..., s[-1]] = np.where(lit, 0.9, 0.1)[:, None]
+    for i in range(blocks):
+        states[:, 8 * (i + 1) :, p[i]] = np.where(lit, 0.0, 0.98)[:, None] + rng.uniform(0.0, 0.02, (DEMONSTRATIONS, 1))
+    negatives = rng.uniform(0.5, 1.0, (500, layout.size))
+    negatives[:, s] = rng.choice([0.1, 0.9], (500, blocks + 1))
+    starts = np.arange(DEMONSTRATIONS) * LENGTH
+    members = tuple(range(blocks))
+    pairs = Pairs(layout, "b1", members, states.reshape(-1, layout.size), starts, negatives, {Truth(): {}})
+    candidates = recurring_candidates(enumerate_features(layout, ["b1", "l1"]), pairs)
+    return {str(c.only): c for c in candidates if str(c.predicate).startswith("b1↓p <") and c.only != Truth()}
+
+
+def test_what_is_done_to_a_single_entity_may_depend_on_another_thing_without_like() -> None:
+    (loop,) = lit_and_served(1).values()
+    assert loop.only == parse_predicate("l1↓s > 0.5")
+    assert loop.possible
+
+
+def test_a_thing_without_like_does_not_tell_which_of_several_entities_are_meant() -> None:
+    assert not lit_and_served(2)
+
+
+@pytest.mark.parametrize(("low", "high", "expected"), [(1.0, 3.0, 2.0), (0.1, 0.2, 0.15), (0.12345, 0.12347, 0.12346)])
+def test_a_threshold_lies_between_two_numbers_with_few_digits(low: float, high: float, expected: float) -> None:
+    assert middle(low, high) == expected
+
+
+def test_quantiles_of_subsets_are_those_of_numpy() -> None:
+    rng = np.random.default_rng(0)
+    ordered, members = np.sort(rng.normal(size=30)), rng.random((12, 30)) < 0.4
+    found = _Subsets(ordered, members).quantile(0.9)
+    np.testing.assert_allclose(found, [np.quantile(ordered[chosen], 0.9) for chosen in members])

@@ -99,6 +99,18 @@ def test_a_block_that_needs_nothing_is_no_evidence_against_a_loop() -> None:
     assert CLOSE.max() < threshold(found) < 0.05
 
 
+def test_a_block_that_needs_nothing_bounds_the_threshold_and_says_nothing_else() -> None:
+    """It lies further off than those that are served are left: what is good enough for it is good enough for them."""
+    states = demonstrations(CLOSE, ONE_BY_ONE)
+    exact = candidates(states)["b1↓p"]
+    spared = np.random.default_rng(1).uniform(0.0, 0.3, DEMONSTRATIONS // 3)
+    states[: len(spared), :, P[1]] = spared[:, None]
+    found = candidates(states)["b1↓p"]
+    assert spared.max() < threshold(found) < 0.5
+    assert found.bits > exact.bits - 1.0
+    assert found.possible
+
+
 def test_what_all_blocks_come_to_satisfy_at_once_is_no_loop() -> None:
     together = np.full((DEMONSTRATIONS, 2), 10)
     assert "b1↓p" not in candidates(demonstrations(CLOSE, together))
