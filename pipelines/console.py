@@ -158,6 +158,8 @@ def training_line(report: Mapping[str, Any]) -> str:
         return f"π_{name}: scripted"
     if learner in METHODS:
         return f"π_{name}: trained, {steps} control steps"
+    if learner == "undone":
+        return f"π_{name}: as it was, for the program is worse with what was learned ({steps} control steps)"
     if not report["starts"] and learner == "kept":
         why = f"the program reaches its goal in {report['success']:.0%} of the episodes tried"
         missing = ": a subgoal is missing" if report["success"] < TrainConfig.worth_improving else ""

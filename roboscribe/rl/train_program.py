@@ -9,7 +9,6 @@ from typing import TypeAlias, assert_never
 
 import numpy as np
 
-from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.best_warm_start import TrainingStarts, best_warm_start
@@ -19,8 +18,8 @@ from roboscribe.rl.learner import Learned, LearnerTask, Log
 from roboscribe.rl.program_training import SEEDS, ProgramTraining
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
+from roboscribe.rl.whole_program import WholeProgram, affordable, tried
 from roboscribe.success_rate import wilson
-from roboscribe.world.layout import BoolArray, IntArray
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
@@ -28,6 +27,8 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 """Receives a controller's name, metrics by name, and the control steps spent on it so far."""
 
 
+IMPROVED = ("clone", "ppo", "sac")
+"""What gives a controller other weights than it had."""
 LONGEST = 4
 """Times `TrainConfig.assurance` that a screening may take."""
 
@@ -42,7 +43,8 @@ class SkillReport:
 
     Args:
         controller: its name.
-        learner: what gave the weights that were kept: "kept" from before, "clone", "ppo", "sac" or "initial".
+        learner: what gave the weights that were kept: "kept" from before, "clone", "ppo", "sac" or "initial"; "undone"
+            are those from before, where the program had been worse with what was learned.
         starts: held-out start states that it was measured on; 0 where the program never got there.
         warm_success: success on held-out starts before reinforcement learning.
         success: success of what was kept.
@@ -130,12 +132,16 @@ def train_program(
     for turn in _turns(training, library):
         verdict = _screen(training, turn, skills, reports)
         reports += [] if verdict.report is None else [verdict.report]
-        steps = verdict.control_steps
+        steps, whole = verdict.control_steps, WholeProgram(training)
         for job in turn if verdict.worthwhile else ():
             name = job.run.controller
             before = 0 if job.again else sum(each.control_steps for each in reports if each.controller == name)
-            skills[name], report = _learn(training, context, job, skills, before + steps)
-            reports.append(replace(report, control_steps=report.control_steps + steps))
+            skill, report = _learn(training, context, job, skills, before + steps + whole.most(skills))
+            if report.learner in IMPROVED and whole.suffers(skills, {**skills, name: skill}):
+                report = replace(report, learner="undone", success=report.warm_success, unfinished=False)
+            else:
+                skills[name] = skill
+            reports.append(replace(report, control_steps=report.control_steps + steps + whole.take_steps()))
             steps = 0
     return TrainingResult(skills, tuple(reports))
 
@@ -232,12 +238,12 @@ def _screen(
     if (job.again and training.trained_before) or not _can_be_screened(training, job, skills):
         return _Screening(True)
     seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
-    success, steps = _tried(training, skills, seeds[: config.screening])
+    success, steps = tried(training, skills, seeds[: config.screening])
     for episodes in range(config.assurance, len(seeds) + 1, config.assurance):
         failures = int((~success).sum())
-        if failures > (1.0 - training.wanted) * episodes + 1 or not _affordable(training, episodes):
+        if failures > (1.0 - training.wanted) * episodes + 1 or not affordable(training, episodes):
             break
-        more, spent = _tried(training, skills, seeds[len(success) : episodes])
+        more, spent = tried(training, skills, seeds[len(success) : episodes])
         success, steps = np.concatenate([success, more]), steps + spent
         if success.mean() >= training.wanted:
             break
@@ -252,29 +258,10 @@ def _screen(
 def _can_be_screened(training: ProgramTraining, job: _SkillJob, skills: Mapping[str, Skill]) -> bool:
     """Tell whether the whole program can show what a turn is worth: known skills for ψ_R, or a loop that comes last."""
     if job.together:
-        return all(run.controller in skills for run in training.runs) and _affordable(
+        return all(run.controller in skills for run in training.runs) and affordable(
             training, training.config.screening
         )
     return job.again and training.solve
-
-
-def _affordable(training: ProgramTraining, episodes: int) -> bool:
-    """Tell whether so many episodes take no more than a quarter of the control steps of a skill, as evaluations do."""
-    return episodes * training.task.horizon <= training.config.budget / 4
-
-
-def _tried(training: ProgramTraining, skills: Mapping[str, Skill], seeds: IntArray) -> tuple[BoolArray, int]:
-    """Return in which episodes the program reaches its goal, (E,), and the control steps that they took."""
-    found = execute(
-        training.program,
-        skills,
-        training.task,
-        seeds,
-        limits=training.limits,
-        until_end=not training.solve,
-        confirm=training.config.confirm,
-    )
-    return found.success, found.control_steps
 
 
 def _learn(
