@@ -73,9 +73,9 @@ class Aim:
 
     Args:
         attribute: which one.
-        to: "goal" (within its tolerance), "above" or "below" a value, "risen" by a value since the start, or "inside"
-            a container, within `value` of its position.
-        value: of the last four.
+        to: "goal" (within its tolerance), "above" or "below" a value, "right of" it along the first axis, "risen" by a
+            value since the start, or "inside" a container, within `value` of its position.
+        value: of all but the first.
         of: the container's kind.
     """
 

@@ -240,6 +240,9 @@ def target(task: KinematicTask, state: FloatArray, aim: Aim, entity: int, offset
             return np.asarray(state[task.place(container)] + offset * aim.value)
         case "below":
             return np.array([0.3 * aim.value])
+        case "right of":
+            here = state[task.place(entity)]
+            return np.array([aim.value + 0.12, *here[1:]])
         case _:
             if aim.attribute not in TRAVEL:
                 return np.ones(1)

@@ -223,6 +223,24 @@ TASKS: tuple[KinematicTask, ...] = (
         ),
     ),
     KinematicTask(
+        "sort-into-three-clumsy",
+        "own",
+        (LEFT, MIDDLE, RIGHT, Kind("block", 4, goal=(), constants=("weight",))),
+        (
+            replace(INTO_LEFT, only="weight > 1.4"),
+            replace(INTO_MIDDLE, only="weight < 1.4 and weight > 0.6"),
+            replace(INTO_RIGHT, only="weight < 0.6"),
+        ),
+        style="clumsy",
+    ),
+    KinematicTask(
+        "clear-the-left-side",
+        "own",
+        (Kind("block", 4, goal=()),),
+        (Phase("block", (Aim("position", "right of", 0.7),)),),
+        plane="xy",
+    ),
+    KinematicTask(
         "left-or-right",
         "conditions",
         (

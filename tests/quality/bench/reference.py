@@ -177,6 +177,8 @@ def met(task: KinematicTask, aim: Aim, v: str) -> str:
             return f"‖{mine} − {_letter(task, aim.of)}↓{field}‖ < {0.8 * aim.value:.3g}"
         case "below":
             return f"{mine} < {0.8 * aim.value:.3g}"
+        case "right of":
+            return f"{v}↓{task.plane[0]} > {aim.value + 0.005:.3g}"
         case "risen":
             return f"{mine} − {v}↓initial_{field} > {1.05 * aim.value:.3g}"
         case _:

@@ -118,6 +118,8 @@ class KinematicTask(Task):
                 return _length(value - states[..., self.place(container)], aim) < share * aim.value
             case "below":
                 return np.asarray(value[..., 0] < aim.value - (1 - share) * aim.value / 2)
+            case "right of":
+                return np.asarray(value[..., 0] > aim.value + (1 - share) * 0.08)
             case _:
                 start = self._start(states, aim, entity)
                 return np.asarray(value[..., 0] - start > aim.value + (1 - share) * 0.04 * aim.value)
