@@ -204,7 +204,8 @@ class Line(Generic[Skills]):
         found = self.search.steps.classify(failures, tree, psi)
         if isinstance(found, Fail):
             return found
-        before = frozenset((each.node.predicate, each.node.only) for each in self.refinements if each.psi == psi)
+        nodes = [each.node for each in self.refinements if each.psi == psi]
+        before = frozenset((node.predicate, node.only, node.afterwards) for node in nodes)
         return _Options(self.search.steps, found, tree, before)
 
     def _choose(self) -> int:
@@ -235,7 +236,7 @@ class _Options(Generic[Skills]):
     steps: Steps[Skills]
     refinement: Refinement
     tree: Tree
-    before: frozenset[tuple[Predicate, Predicate]]
+    before: frozenset[tuple[Predicate, Predicate, bool]]
     found: list[Refined] = field(default_factory=list)
     rows: list[int] = field(default_factory=list)
     passed: list[tuple[str, str]] = field(default_factory=list)
@@ -259,7 +260,7 @@ class _Options(Generic[Skills]):
         """Look at the next row of the table before anything is trained for it."""
         row = self.looked_at
         candidate = self.refinement.table[row]
-        if (candidate.predicate, candidate.only) in self.before:
+        if (candidate.predicate, candidate.only, candidate.afterwards) in self.before:
             self.passed.append((str(candidate.predicate), PRECEDES))
             self.looked_at += 1
             return

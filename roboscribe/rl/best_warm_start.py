@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 from roboscribe.dsl.syntax import Run, Solved
 from roboscribe.rl.pool import StartPool
@@ -33,41 +33,64 @@ class TrainingStarts:
         return replace(evaluator, allowance=evaluator.allowance - self.control_steps)
 
 
+class WarmStart(NamedTuple):
+    """What training begins with: a skill, its success on held-out starts, and what gave it."""
+
+    skill: Skill
+    rate: float
+    learner: str
+
+
 def best_warm_start(
     training: ProgramTraining,
     run: Run,
     skills: Mapping[str, Skill],
     starts: TrainingStarts,
     evaluator: SkillEvaluator,
-) -> tuple[Skill, float, str]:
-    """Return the best of what was known before and of clones, its success, and what gave it."""
+    *,
+    again: bool = False,
+) -> tuple[float, WarmStart]:
+    """Find the best of what was known before and of clones.
+
+    Args:
+        training: the program, and how it is trained.
+        run: the statement whose controller is to be learned.
+        skills: what is known.
+        starts: to train from.
+        evaluator: measures skills.
+        again: whether it was learned before this training.
+
+    Returns:
+        The success of what was known before, 0 where nothing was, and the best.
+    """
     fresh = training.fresh_skill(run, evaluator.starts)
-    known, learner = (skills[run.controller], "kept") if run.controller in skills else (fresh, "initial")
-    if learner == "initial" and (cloned := _clone(training, run, fresh, starts, evaluator)) is not None:
-        return *cloned, "clone"
-    rate = evaluator(known).rate
-    if learner == "kept" and rate < training.target(run):
+    if run.controller not in skills:
         cloned = _clone(training, run, fresh, starts, evaluator)
-        if cloned is not None and cloned[1] > rate:
-            return *cloned, "clone"
-    return known, rate, learner
+        return 0.0, cloned or WarmStart(fresh, evaluator(fresh).rate, "initial")
+    known = WarmStart(skills[run.controller], evaluator(skills[run.controller]).rate, "kept")
+    good = known.rate >= training.target(run)
+    if good or (again and training.may_be_enough(run, known.rate, len(evaluator.starts))):
+        return known.rate, known
+    cloned = _clone(training, run, fresh, starts, evaluator)
+    return known.rate, cloned if cloned is not None and cloned.rate > known.rate else known
 
 
 def _clone(
     training: ProgramTraining, run: Run, fresh: Skill, starts: TrainingStarts, evaluator: SkillEvaluator
-) -> tuple[Skill, float] | None:
-    """Return the best clone this profile allows, and its success; None where there is nothing to clone."""
+) -> WarmStart | None:
+    """Return the best clone this profile allows; None where there is nothing to clone."""
     config, frames = training.config, training.frames(run)
     if frames is None or isinstance(run.until, Solved):
         return None
     seed = training.seed_of(f"{run.controller} clone")
     match config.profile:
         case "actions":
-            return clone_frames(fresh, frames.samples(), evaluator, config, seed)
+            found = clone_frames(fresh, frames.samples(), evaluator, config, seed)
         case "states":
             spec, pool = training.spec(run, speeds=True), starts.pool
-            return clone_states(fresh, frames, pool, spec, starts.counted(evaluator), config, seed)
+            found = clone_states(fresh, frames, pool, spec, starts.counted(evaluator), config, seed)
         case "paper" | "scripted":
             return None
         case other:
             assert_never(other)
+    return None if found is None else WarmStart(*found, "clone")

@@ -25,6 +25,7 @@ from roboscribe.rl.skill import Skill
 from roboscribe.rl.starts import Prefix, collect_starts
 from roboscribe.rl.subtask import Invariant, Subtask
 from roboscribe.rl.warm_start import Frames, busy, frames_of, joined
+from roboscribe.success_rate import wilson
 from roboscribe.world.layout import BoolArray
 from roboscribe.world.naming import Movements
 from roboscribe.world.task import Task
@@ -93,6 +94,13 @@ class ProgramTraining:
         most = self.target(run)
         entirely = again or isinstance(self.config.learner, SacConfig)
         return most if self.solve or entirely else min(most, self.config.passable)
+
+    def may_be_enough(self, run: Run, rate: float, starts: int) -> bool:
+        """Tell whether a known skill is as good as is asked, for all that its success from some starts tells.
+
+        Others are more likely to blame then; where the program was improved in vain, it is improved as well.
+        """
+        return not self.trained_before and wilson(rate * starts, starts)[1] >= self.target(run)
 
     @property
     def wanted(self) -> float:

@@ -50,6 +50,7 @@ class SkillReport:
         success: success of what was kept.
         control_steps: all control steps spent on it: starts, evaluations and learning.
         unfinished: whether they ran out while it was still getting better.
+        known_success: success of what was known before; 0 where nothing was.
     """
 
     controller: str
@@ -59,6 +60,7 @@ class SkillReport:
     success: float
     control_steps: int
     unfinished: bool = False
+    known_success: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -128,17 +130,17 @@ def train_program(
         ProgramTraining(task, program, demonstrations, config, seed, solve, trained_before),
         _RunContext(log, checkpoints),
     )
-    skills, reports = dict(library), list[SkillReport]()
+    skills, reports, whole = dict(library), list[SkillReport](), WholeProgram(training)
     for turn in _turns(training, library):
         verdict = _screen(training, turn, skills, reports)
         reports += [] if verdict.report is None else [verdict.report]
-        steps, whole = verdict.control_steps, WholeProgram(training)
+        steps = verdict.control_steps
         for job in turn if verdict.worthwhile else ():
             name = job.run.controller
             before = 0 if job.again else sum(each.control_steps for each in reports if each.controller == name)
             skill, report = _learn(training, context, job, skills, before + steps + whole.most(skills))
             if report.learner in IMPROVED and whole.suffers(skills, {**skills, name: skill}):
-                report = replace(report, learner="undone", success=report.warm_success, unfinished=False)
+                report = replace(report, learner="undone", success=report.known_success, unfinished=False)
             else:
                 skills[name] = skill
             reports.append(replace(report, control_steps=report.control_steps + steps + whole.take_steps()))
@@ -192,14 +194,6 @@ def mostly_fails(config: TrainConfig, rate: float, starts: int) -> bool:
     """
     at_best = wilson(rate * starts, starts)[1] if starts else rate
     return at_best < config.worth_improving
-
-
-def may_be_enough(rate: float, starts: int, enough: float) -> bool:
-    """Tell whether a skill that succeeds from a share of some starts may, for all they tell, be as good as is asked.
-
-    Others are more likely to blame then; where the program fails all the same, it is improved the next time.
-    """
-    return wilson(rate * starts, starts)[1] >= enough
 
 
 def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
@@ -291,13 +285,13 @@ def _train(
     world = training.task.world(config.pool.batch)
     evaluator = SkillEvaluator(training.subtask(run), held_out, world, config.pool.screening, most - spent)
     starts = TrainingStarts(lambda: training.starts(run, skills, most, evaluator.rest, again=job.again))
-    warm, rate, learner = best_warm_start(training, run, skills, starts, evaluator)
-    report = SkillReport(run.controller, learner, len(held_out), rate, rate, spent + evaluator.world.control_steps)
+    known, (warm, rate, learner) = best_warm_start(training, run, skills, starts, evaluator, again=job.again)
+    steps = spent + evaluator.world.control_steps
+    report = SkillReport(run.controller, learner, len(held_out), rate, rate, steps, known_success=known)
     context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
     budget = config.learning_steps if job.again else _budget(training, run, rate, len(held_out))
-    enough = training.enough(run, again=job.again)
-    spared = job.again and not training.trained_before and may_be_enough(rate, len(held_out), enough)
-    if rate < enough and not spared and job.reinforce and budget:
+    spared = job.again and training.may_be_enough(run, rate, len(held_out))
+    if rate < training.enough(run, again=job.again) and not spared and job.reinforce and budget:
         warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)
     return warm, replace(report, control_steps=report.control_steps + starts.control_steps)
 

@@ -45,7 +45,7 @@ class WholeProgram:
         self._training = training
         draw = training.draw(training.this_time("whole program"))
         self._seeds = draw.integers(SEEDS, size=training.config.assurance)
-        self._before: BoolArray | None = None
+        self._best: BoolArray | None = None
         self._steps = 0
 
     def _tells(self, skills: Mapping[str, Skill]) -> bool:
@@ -55,19 +55,22 @@ class WholeProgram:
 
     def most(self, skills: Mapping[str, Skill]) -> int:
         """Return the most control steps that the next comparison may take."""
-        return 2 * len(self._seeds) * self._training.task.horizon if self._tells(skills) else 0
+        runs = 1 if self._best is not None else 2
+        return runs * len(self._seeds) * self._training.task.horizon if self._tells(skills) else 0
 
     def suffers(self, before: Mapping[str, Skill], after: Mapping[str, Skill]) -> bool:
-        """Tell whether the program reaches its goal less often, by more than chance makes of two alike, usually."""
+        """Tell whether the program reaches its goal less often than the best so far, by more than a standard deviation.
+
+        Of two that are alike chance makes one that much worse once in seven times.
+        """
         if not self._tells(before):
             return False
-        if self._before is None:
-            self._before = self._try(before)
+        if self._best is None:
+            self._best = self._try(before)
         success = self._try(after)
-        lost, gained = int((self._before & ~success).sum()), int((~self._before & success).sum())
-        worse = lost - gained > sqrt(lost + gained)
-        self._before = self._before if worse else success
-        return worse
+        lost, gained = int((self._best & ~success).sum()), int((~self._best & success).sum())
+        self._best = success if gained > lost else self._best
+        return lost - gained > sqrt(lost + gained)
 
     def _try(self, skills: Mapping[str, Skill]) -> BoolArray:
         success, steps = tried(self._training, skills, self._seeds)

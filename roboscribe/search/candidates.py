@@ -290,7 +290,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     of_robot = any(uses_robot(f.term) for f in it.features)
     first = np.minimum((first_true if of_robot else restored)(it.on_frames, samples.starts), lengths)
     since = _since(first, samples.starts, len(it.on_frames))
-    way = float(np.median(first / np.maximum(1, lengths - 1)))
+    ways, brought = first / np.maximum(1, lengths - 1), (first > 0) & (first < lengths)
     restores = np.mean(it.on_frames[samples.starts] & (first > 0) & (first < lengths)) >= AGREEMENT
     leaving = samples.afterwards and of_robot and any(isinstance(part, Var) for part in walk(it.predicate))
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
@@ -299,24 +299,29 @@ def judge(it: Judged, samples: Samples) -> Candidate:
         accepted=float(it.on_negatives.mean()) if it.on_negatives.size else 0.0,
         initial=float(np.mean(first == 0)),
         kept=_kept(it.on_frames, since, samples.starts),
-        first=way,
+        first=_median(ways),
         copy=any(is_copy(f, samples.restored if restores else samples.known) for f in it.features),
         relevant=samples.goal_entities <= names and not _done_elsewhere(names, first, samples),
         advances=_advances(first, lengths, samples.steps.get(names, ()))
-        and (samples.root or bool(np.median(lengths - 1 - first) > 0)),
+        and (samples.root or _median((lengths - 1 - first)[brought]) > 0),
         margin=it.margin,
         scales=it.scales,
         entities=len({name for f in it.features for name in free_vars(f.term)}),
         bits=it.bits,
         informative=informative(
-            it.bits, it.on_negatives, int((first > 0).sum()), samples.choices, len(it.features), leaving=leaving
+            it.bits, it.on_negatives, int(brought.sum()), samples.choices, len(it.features), leaving=leaving
         ),
         size=length(it.predicate),
         family=prefix + " ".join(sorted(f.family for f in it.features)),
-        comes_with_it=not samples.root and way > LATE and not (of_robot and not samples.anchors),
+        comes_with_it=not samples.root and _median(ways[brought]) > LATE and not (of_robot and not samples.anchors),
         standing=_standing(it.predicate, samples, of_robot=of_robot),
         afterwards=samples.afterwards,
     )
+
+
+def _median(values: FloatArray | IntArray) -> float:
+    """Return the median of values (C,), 0 of none."""
+    return float(np.median(values)) if values.size else 0.0
 
 
 def _standing(phi: Predicate, samples: Samples, *, of_robot: bool) -> int:
@@ -332,7 +337,7 @@ def _standing(phi: Predicate, samples: Samples, *, of_robot: bool) -> int:
 
 def _advances(first: IntArray, lengths: IntArray, others: Sequence[IntArray]) -> bool:
     """Whether a predicate that first holds at `first` (C,) is brought about, on one side of each of `others` (C,)."""
-    voters = first > 0
+    voters = (first > 0) & (first < lengths)
     if np.mean(first < lengths) < AGREEMENT or not voters.any():
         return False
     sides = ((first >= other, first < other) for other in others)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import comb, log2
+from typing import NamedTuple
 
 import numpy as np
 
@@ -83,20 +85,16 @@ class Reading:
     initial: FloatArray
 
     @cached_property
-    def cuts(self) -> FloatArray:
-        """Thresholds between different values, in rising order."""
-        return np.array([middle(*pair) for pair in pairwise(np.unique(self.initial).tolist())])
+    def order(self) -> IntArray:
+        """Ranks (N D,) of the values, rising."""
+        return np.argsort(self.initial, axis=None, kind="stable")
 
     @cached_property
-    def sides(self) -> BoolArray:
-        """Which values (2C, N D) lie below each of the C thresholds, then which lie above."""
-        below = self.initial.ravel() < self.cuts[:, None]
-        return np.concatenate([below, ~below])
-
-    def side(self, rank: int) -> Predicate:
-        """Say what all on a side have in common."""
-        cut = float(self.cuts[rank % len(self.cuts)])
-        return self.feature.below(cut) if rank < len(self.cuts) else self.feature.above(cut)
+    def cuts(self) -> dict[int, float]:
+        """Thresholds between different values, in rising order, by how many values lie below."""
+        values = self.initial.ravel()[self.order].tolist()
+        between = {rank: middle(*pair) for rank, pair in enumerate(pairwise(values), start=1)}
+        return {rank: cut for rank, cut in between.items() if values[rank - 1] < cut < values[rank]}
 
 
 def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[Reading]:
@@ -137,25 +135,90 @@ def parting(values: FloatArray, readings: Sequence[Reading], pairs: Pairs) -> It
     """
     ends = values[:, pairs.lasts].ravel()
     for reading in readings:
-        within, inside = _between_two(reading, ends)
-        ranges = np.concatenate([reading.sides, inside[None]])
-        best, gap = _best_parting(ends, ranges)
-        said = log2(comb(len(ends), int(ranges[best].sum())))
-        enough = log2(2 * len(reading.cuts) * len(readings) * len(pairs.members))
-        if gap > 0.0 and said >= enough:
-            yield within if best == len(reading.sides) else reading.side(best)
+        ranges = [*_sides(reading, ends), *_between_two(reading, ends)]
+        best = max(ranges, key=lambda one: one.rank, default=None)
+        enough = log2(2 * max(1, len(reading.cuts)) * len(readings) * len(pairs.members))
+        if best is not None and best.gap > 0.0 and log2(comb(len(ends), best.number)) >= enough:
+            yield best.only
 
 
-def _between_two(reading: Reading, ends: FloatArray) -> tuple[Predicate, BoolArray]:
-    """Bound, on both sides, the numbers (M,) of those entities whose `ends` (M,) lie below the widest gap."""
+class _Range(NamedTuple):
+    """Some entities, and how well they are parted from the others.
+
+    Attributes:
+        only: what tells them.
+        number: of them, over all demonstrations.
+        gap: between where they end and where the others do; not above 0 for none.
+        rank: the higher, the better they are parted.
+    """
+
+    only: Predicate
+    number: int
+    gap: float
+    rank: tuple[bool, float]
+
+
+class _Ends(NamedTuple):
+    """Where some entities end: the least, two quantiles and the greatest; a twentieth lies beyond each quantile."""
+
+    least: float
+    low: float
+    high: float
+    greatest: float
+
+
+def _range(only: Predicate, number: int, chosen: _Ends, others: _Ends, whole: float) -> _Range:
+    """Rank how well entities are parted: without exception before with a few, then by the gap in their own ranges.
+
+    What goes to the first of three trays lies in it; what goes to one of the first two lies anywhere between.
+    """
+    gap, least = others.low - chosen.high, others.least - chosen.greatest
+    if gap <= 0.0:
+        return _Range(only, number, gap, (False, gap))
+    own = chosen.greatest - chosen.least + (1.0 - AGREEMENT) * whole
+    return _Range(only, number, gap, (least > 0.0, (least if least > 0.0 else gap) / own))
+
+
+def _sides(reading: Reading, ends: FloatArray) -> Iterator[_Range]:
+    """Yield all entities below a threshold, and all beyond it, for every threshold."""
+    ordered, whole = ends[reading.order], float(np.ptp(ends))
+    below, beyond = _growing(ordered), _growing(ordered[::-1])[::-1]
+    for count, cut in reading.cuts.items():
+        yield _range(reading.feature.below(cut), count, below[count - 1], beyond[count], whole)
+    for count, cut in reading.cuts.items():
+        yield _range(reading.feature.above(cut), len(ends) - count, beyond[count], below[count - 1], whole)
+
+
+def _growing(ends: FloatArray) -> list[_Ends]:
+    """Say where the first, the first two, ... of some entities end."""
+    ordered, found = list[float](), list[_Ends]()
+    for end in ends.tolist():
+        insort(ordered, end)
+        found.append(_Ends(ordered[0], _quantile(ordered, 1.0 - AGREEMENT), _quantile(ordered, AGREEMENT), ordered[-1]))
+    return found
+
+
+def _quantile(ordered: Sequence[float], share: float) -> float:
+    """Return a quantile of rising numbers, between two in proportion."""
+    place = share * (len(ordered) - 1)
+    low = int(place)
+    return ordered[low] + (place - low) * (ordered[min(low + 1, len(ordered) - 1)] - ordered[low])
+
+
+def _between_two(reading: Reading, ends: FloatArray) -> Iterator[_Range]:
+    """Yield, bounded on both sides, the numbers of those entities whose `ends` (M,) lie below the widest gap."""
     values, ordered = reading.initial.ravel(), np.sort(ends)
     chosen = ends <= ordered[np.argmax(np.diff(ordered))]
     low, high = values[chosen].min(), values[chosen].max()
     beneath, beyond = values[values < low], values[values > high]
     if chosen.all() or not len(beneath) or not len(beyond):
-        return Truth(), np.zeros_like(chosen)
+        return
     low, high = middle(float(beneath.max()), float(low)), middle(float(high), float(beyond.min()))
-    return And(reading.feature.above(low), reading.feature.below(high)), (values > low) & (values < high)
+    inside = (values > low) & (values < high)
+    if inside.any() and not inside.all():
+        only = And(reading.feature.above(low), reading.feature.below(high))
+        within, others = _growing(ends[inside])[-1], _growing(ends[~inside])[-1]
+        yield _range(only, int(inside.sum()), within, others, float(np.ptp(ends)))
 
 
 def middle(low: float, high: float) -> float:
@@ -163,52 +226,3 @@ def middle(low: float, high: float) -> float:
     half = (low + high) / 2
     rounded = (float(f"{half:.{digits}g}") for digits in range(3, 17))
     return next((each for each in rounded if low < each < high), half)
-
-
-def _best_parting(ends: FloatArray, ranges: BoolArray) -> tuple[int, float]:
-    """Find the range that parts entities best, and the gap between where they end; not above 0 for none.
-
-    That is one without exception before one with a few, then by the gap in the entities' own ranges: what goes to the
-    first of three trays lies in it, what goes to one of the first two lies anywhere between.
-
-    Args:
-        ends: (M,) where each entity ends.
-        ranges: (C, M) which of them each range is about.
-    """
-    order = np.argsort(ends, kind="stable")
-    chosen = _Subsets(ends[order], ranges[:, order])
-    others = _Subsets(ends[order], ~ranges[:, order])
-    two = (chosen.counts > 0) & (others.counts > 0)
-    gaps = np.where(two, others.quantile(1.0 - AGREEMENT) - chosen.quantile(AGREEMENT), -np.inf)
-    least = others.quantile(0.0) - chosen.quantile(1.0)
-    own = chosen.quantile(1.0) - chosen.quantile(0.0) + (1.0 - AGREEMENT) * np.ptp(ends[np.isfinite(ends)])
-    exact = (gaps > 0.0) & (least > 0.0)
-    score = np.divide(np.where(exact, least, gaps), own, out=gaps.copy(), where=gaps > 0.0)
-    best = int(np.lexsort((-score, ~exact))[0])
-    return best, float(gaps[best])
-
-
-class _Subsets:
-    """Quantiles of many subsets of some numbers at once; those of the empty subset mean nothing.
-
-    Args:
-        ordered: (M,) rising.
-        members: (C, M) which of them are in each subset.
-    """
-
-    def __init__(self, ordered: FloatArray, members: BoolArray) -> None:
-        """Count, from the lowest number on, how many each subset has."""
-        self.ordered, self.ranks = ordered, np.cumsum(members, axis=1)
-        self.counts = self.ranks[:, -1]
-
-    def quantile(self, share: float) -> FloatArray:
-        """Return the quantile (C,) of each subset, between two numbers in proportion."""
-        place = share * np.maximum(self.counts - 1, 0)
-        below = np.floor(place).astype(np.int64)
-        low, high = self._at(below), self._at(np.minimum(below + 1, np.maximum(self.counts - 1, 0)))
-        quantile: FloatArray = low + (place - below) * (high - low)
-        return quantile
-
-    def _at(self, rank: IntArray) -> FloatArray:
-        found: FloatArray = self.ordered[np.argmax(self.ranks > rank[:, None], axis=1)]
-        return found

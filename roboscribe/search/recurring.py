@@ -18,7 +18,7 @@ from roboscribe.search.chance import informative
 from roboscribe.search.features import Feature
 from roboscribe.search.length import length
 from roboscribe.search.loop_entities import Pairs, alone, lasting_readings, parting
-from roboscribe.search.thresholds import ball, bits, bound, near_side, too_fine, usual_range
+from roboscribe.search.thresholds import ball, beyond, bits, bound, near_side, too_fine, usual_range
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray
 from roboscribe.world.trajectory import AGREEMENT, NEVER, first_true, last_false
 
@@ -84,8 +84,8 @@ def _candidate(
     if too_fine(feature, usual, kept, worst):
         return None
     unseen = 0.5 * _last_step(values, float(kept.max()), pairs)
-    spared = _spared(values, pairs) - near_side(kept)
-    threshold, gap = bound(kept, worst, spread, usual, arriving, ball(feature, sign), max(unseen, spared))
+    threshold, gap = bound(kept, worst, spread, usual, arriving, ball(feature, sign), unseen)
+    threshold = beyond(_spared(values, pairs), threshold, spread, worst)
     predicate = (feature.below if sign > 0 else feature.above)(sign * threshold)
     truth = values < threshold
     first = np.stack([first_true(row, pairs.starts) for row in truth], axis=1)
@@ -134,7 +134,7 @@ def _at_the_end(values: FloatArray, pairs: Pairs) -> tuple[FloatArray, FloatArra
     there = np.isfinite(pos)
     since = _last_beyond(values, float(pos.max()), pairs)
     settled = _settled(since, pairs)
-    arriving = there & (since >= 0) & ~settled
+    arriving = there & (since >= 0) & ~settled  # where nothing is to be done nobody arrives
     if settled.any(axis=0).mean() < AGREEMENT:
         settled, arriving = there, there
     kept = pos[settled]
@@ -163,7 +163,7 @@ def _settled(since: IntArray, pairs: Pairs) -> BoolArray:
 def _spared(values: FloatArray, pairs: Pairs) -> float:
     """Return how far off entities lie that need nothing, from the start on, once ψ_R holds; values (N, S).
 
-    What they say bounds a threshold; it says nothing of what is brought about.
+    A threshold lies beyond them; what is brought about is not told by them.
     """
     last = values[:, pairs.lasts]
     spared = last[(_last_beyond(values, float(last.max()), pairs) < 0) & np.isfinite(last)]

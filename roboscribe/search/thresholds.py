@@ -150,6 +150,19 @@ def bound(
     return _rounded(extreme + slack, extreme, neg), gap
 
 
+def beyond(value: float, threshold: float, spread: float, neg: FloatArray) -> float:
+    """Return a threshold that a value lies below, too: the one there is, or one just beyond the value.
+
+    Args:
+        value: of what is as it should be; -inf where there is none.
+        threshold: as `bound` chose it.
+        spread: unit of the slack beyond the value.
+        neg: (M,) values that had better not lie below; they stay on their sides where the digits of a number allow it.
+    """
+    least = value + LEAST_SLACK * spread
+    return threshold if least <= threshold else _rounded(least, value, neg)
+
+
 def _rounded(value: float, extreme: float, neg: FloatArray) -> float:
     """Round a threshold to the fewest significant digits, at least three, with which it parts the same samples.
 

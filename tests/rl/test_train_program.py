@@ -15,7 +15,7 @@ from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConf
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import ProgramTraining, step_limits
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import TrainingResult, may_be_enough, mostly_fails, train_program
+from roboscribe.rl.train_program import TrainingResult, mostly_fails, train_program
 from roboscribe.world.layout import BoolArray, FloatArray
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
@@ -75,6 +75,12 @@ def test_every_control_step_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
         worlds.clear()
         result = train_program(TASK, program, SHOWN, {}, config, 0, solve=program is PROGRAM)
         assert result.control_steps == sum(each.control_steps for each in worlds)
+    known = train_program(TASK, PROGRAM, SHOWN, {}, QUICK, 0).library
+    worlds.clear()
+    monkeypatch.setattr("roboscribe.rl.train_program.IMPROVED", ("kept", "clone", "ppo"))  # each is compared
+    again = train_program(TASK, PROGRAM, SHOWN, known, replace(QUICK, target=2.0, assurance=20), 0)
+    assert again.control_steps == sum(each.control_steps for each in worlds)
+    assert all(report.control_steps <= QUICK.budget for report in again.reports)
 
 
 def test_what_a_clone_reaches_needs_no_starts_to_train_from(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,14 +137,17 @@ def test_what_was_trained_in_vain_is_improved_however_well_it_does_at_a_first_lo
     ("failures", "starts", "enough"), [(3, 384, True), (6, 384, False), (2, 200, True), (4, 200, False)]
 )
 def test_whether_a_skill_is_good_enough_is_told_by_an_interval(failures: int, starts: int, enough: bool) -> None:
-    assert may_be_enough(1 - failures / starts, starts, 0.995) == enough
+    training = ProgramTraining(TASK, PROGRAM, SHOWN, replace(QUICK, target=0.995), 0, True)
+    assert training.may_be_enough(training.runs[0], 1 - failures / starts, starts) == enough
+    again = replace(training, trained_before=1)
+    assert not again.may_be_enough(training.runs[0], 1 - failures / starts, starts)
 
 
 def test_what_may_be_good_enough_is_improved_only_where_the_program_was_trained_in_vain(
     trained: TrainingResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     demanding, learned = replace(QUICK, target=2.0), list[str]()
-    monkeypatch.setattr("roboscribe.rl.train_program.may_be_enough", lambda *_: True)
+    monkeypatch.setattr(ProgramTraining, "may_be_enough", lambda self, *_: not self.trained_before)
 
     def improve(_training: object, _context: object, job: Any, warm: Skill, report: object, *_: object) -> object:  # noqa: ANN401
         learned.append(job.title)

@@ -12,7 +12,7 @@ import pytest
 
 from roboscribe.rl.program_training import ProgramTraining
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import train_program
+from roboscribe.rl.train_program import SkillReport, _SkillJob, train_program
 from roboscribe.rl.whole_program import WholeProgram
 from roboscribe.world.layout import BoolArray, IntArray
 from tests.rl.carry_world import PROGRAM, Carry
@@ -88,12 +88,29 @@ def test_programs_that_lack_a_controller_or_steps_say_nothing(
     assert not suffers(poor)
 
 
+def test_what_is_little_worse_each_time_is_measured_by_the_best(
+    whole: tuple[WholeProgram, dict[str, BoolArray]],
+) -> None:
+    comparison, reached = whole
+    reached.update(old=outcome(40))
+    suffered = []
+    for successes in range(39, 35, -1):
+        reached.update(new=outcome(successes))
+        suffered.append(suffers(comparison))
+    assert suffered == [False, True, True, True], "two lost of none won are more than a standard deviation"
+
+
 def test_what_makes_the_program_worse_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     before = train_program(TASK, PROGRAM, SHOWN, {}, QUICK, 0).library
-    monkeypatch.setattr("roboscribe.rl.train_program.IMPROVED", ("kept", "clone", "ppo"))
-    for worse in (True, False):
+    other = {name: skill.with_layers(skill.layers) for name, skill in before.items()}
+
+    def learn(_: object, __: object, job: _SkillJob, ___: object, ____: int) -> tuple[Skill, SkillReport]:
+        name = job.run.controller
+        return other[name], SkillReport(name, "ppo", 9, 0.8, 0.9, 100, unfinished=True, known_success=0.7)
+
+    monkeypatch.setattr("roboscribe.rl.train_program._learn", learn)
+    for worse, kept, learner, success in ((True, before, "undone", 0.7), (False, other, "ppo", 0.9)):
         monkeypatch.setattr(WholeProgram, "suffers", lambda *_, worse=worse: worse)
         result = train_program(TASK, PROGRAM, SHOWN, before, replace(QUICK, target=2.0), 0)
-        kept: dict[str, Skill] = dict(before)
-        assert (result.library == kept) or not worse
-        assert ({report.learner for report in result.reports} == {"undone"}) == worse
+        assert all(result.library[name] is kept[name] for name in before)
+        assert [(r.learner, r.success, r.unfinished) for r in result.reports] == [(learner, success, not worse)] * 2

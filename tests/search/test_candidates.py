@@ -285,7 +285,19 @@ def test_a_side_of_the_table_leads_nowhere_unless_one_entity_after_the_other_is_
 def test_only_those_who_bring_it_about_bear_it_out() -> None:
     states = random_states(np.random.default_rng(0), 40)
     given = samples(states, states[:4], episodes=(states[:2],) * 20)
-    for late, informative in ((20, True), (1, False)):
-        frames = np.concatenate([np.tile([False, True], late), np.ones(2 * (20 - late), np.bool_)])
+    for late, never, informative in ((20, 0, True), (1, 0, False), (1, 1, False)):
+        shown = [[False, True]] * late + [[False, False]] * never + [[True, True]] * (20 - late - never)
+        frames = np.concatenate(shown)
         it = Judged(parse_predicate("b1↓p > 0.5"), (feature("b1↓p"),), np.zeros(400, np.bool_), frames, 0.2, (), 1.5)
         assert judge(it, given).informative == informative
+
+
+def test_what_is_reached_with_the_goal_alone_by_those_who_lack_it_comes_with_it() -> None:
+    states = random_states(np.random.default_rng(0), 60)
+    given = replace(samples(states, states[:4], episodes=(states[:3],) * 20), root=False)
+    frames = np.concatenate([[False, False, True]] * 9 + [[True, True, True]] * 11)
+    it = Judged(parse_predicate("b1↓p > 0.5"), (feature("b1↓p"),), np.zeros(400, np.bool_), frames, 0.2, (), 6.0)
+    found = judge(it, given)
+    assert found.comes_with_it
+    assert not found.advances
+    assert found.first == 0.0

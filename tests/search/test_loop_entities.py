@@ -12,9 +12,10 @@ from roboscribe.dsl.rewrite import walk
 from roboscribe.dsl.syntax import Const, Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
-from roboscribe.search.loop_entities import Pairs, _Subsets, middle
+from roboscribe.search.loop_entities import Pairs, _growing, middle
 from roboscribe.search.recurring import recurring_candidates
 from roboscribe.world.layout import FloatArray, Layout
+from roboscribe.world.trajectory import AGREEMENT
 from tests.search.examples import LAYOUT as ONE
 
 THREE = Layout(ONE.robot, ONE.entities * 3)
@@ -181,8 +182,14 @@ def test_a_threshold_lies_between_two_numbers_with_few_digits(low: float, high: 
     assert middle(low, high) == expected
 
 
-def test_quantiles_of_subsets_are_those_of_numpy() -> None:
-    rng = np.random.default_rng(0)
-    ordered, members = np.sort(rng.normal(size=30)), rng.random((12, 30)) < 0.4
-    found = _Subsets(ordered, members).quantile(0.9)
-    np.testing.assert_allclose(found, [np.quantile(ordered[chosen], 0.9) for chosen in members])
+def test_quantiles_are_those_of_numpy() -> None:
+    ends = np.random.default_rng(0).normal(size=30)
+    for count, found in enumerate(_growing(ends), start=1):
+        np.testing.assert_allclose(found, np.quantile(ends[:count], [0.0, 1.0 - AGREEMENT, AGREEMENT, 1.0]), rtol=1e-12)
+
+
+def test_between_adjacent_numbers_there_is_no_threshold() -> None:
+    levels = np.tile([0.3, np.nextafter(0.3, 1.0), 0.7], (DEMONSTRATIONS, 1))
+    told = told_apart(levels, np.where(levels < 0.5, 0.0, 0.98))
+    assert set(told) - {"true"} == {"b1↓s < 0.5"}
+    assert not set(told_apart(levels[:, :2], np.where(levels[:, :2] == 0.3, 0.0, 0.98))) - {"true"}
