@@ -205,7 +205,7 @@ def test_no_atom_goes_without_which_a_subgoal_says_what_another_one_says() -> No
 
 def test_what_only_led_to_a_removed_subgoal_is_removed_too() -> None:
     """The first was needed for the second only; without that one neither is missed."""
-    third = replace(OTHER, name="third")
+    third = node("third", AT, "d1")
     rates = {("at", "at"): 20, ("other", "at other"): 20, ("third", "at other third"): 20, **root(20, "at other third")}
     story = Story({**rates, **root(20, "at third"), **root(20, "third")}, {ROOT: [AT1, OTHER, third]})
     answer = solved(story)
