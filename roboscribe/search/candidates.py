@@ -291,7 +291,7 @@ def judge(it: Judged, samples: Samples) -> Candidate:
     first = np.minimum((first_true if of_robot else restored)(it.on_frames, samples.starts), lengths)
     since = _since(first, samples.starts, len(it.on_frames))
     ways, brought = first / np.maximum(1, lengths - 1), (first > 0) & (first < lengths)
-    restores = np.mean(it.on_frames[samples.starts] & (first > 0) & (first < lengths)) >= AGREEMENT
+    restores = np.mean(it.on_frames[samples.starts] & brought) >= AGREEMENT
     leaving = samples.afterwards and of_robot and any(isinstance(part, Var) for part in walk(it.predicate))
     prefix = f"{it.anchor.predicate} ∧ " if it.anchor else ""
     return Candidate(
