@@ -46,11 +46,13 @@ def recording_to(server: PrefectServer) -> Iterator[None]:
     """
     from prefect.events.worker import EventsWorker
     from prefect.exceptions import TerminationSignal
-    from prefect.settings import PREFECT_API_URL, temporary_settings
+    from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
     server.wait()
     patience = PATIENCE
-    with temporary_settings({PREFECT_API_URL: server.url}):
+    # our own server ends with the flow and watches over nothing; the thread of heartbeats ends up to a second late
+    calm = {} if server.process is None else {PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}
+    with temporary_settings({PREFECT_API_URL: server.url, **calm}):
         try:
             yield
         except (TerminationSignal, KeyboardInterrupt) as signal:

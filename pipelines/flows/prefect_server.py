@@ -29,8 +29,8 @@ from roboscribe.stages.runtime.code_version import ROOT
 
 PATIENCE = 180.0
 """Seconds that a server may take to answer: four that start at once on a fresh database wait for each other."""
-GLANCE = 0.1
-"""Seconds that it may take where there is something else to do."""
+GLANCE = 0.01
+"""Seconds that it may take where there is something else to do: it is asked before every stage."""
 SECONDS_TO_END = 5.0
 LOG = "server.log"
 TEMPORARY = {"PREFECT_UI_ENABLED": "0", "PREFECT__SERVER_EPHEMERAL": "1", "PREFECT__SERVER_FINAL": "1"}

@@ -18,7 +18,6 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from roboscribe.dsl.syntax import Program
-from roboscribe.envs import schematic
 from roboscribe.envs.panel import BAD, GOOD, PAPER, Frame, Panel, RecordedEpisode, font
 from roboscribe.errors import TaskError
 from roboscribe.world.layout import FloatArray, Layout
@@ -66,6 +65,8 @@ class SchematicPainter:
 
     def __init__(self, layout: Layout, states: FloatArray, size: tuple[int, int]) -> None:
         """Find what the axes have to show in an episode (T, F)."""
+        from roboscribe.envs import schematic  # matplotlib takes long to load, and is seldom needed
+
         self._schematic = schematic.Schematic(layout, schematic.limits(layout, states), size)
         self._pointed: Sequence[FloatArray] = ()
 

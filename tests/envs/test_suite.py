@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import Pipe
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -182,3 +185,32 @@ def test_other_robots_and_controllers() -> None:
 def test_what_cannot_be_a_task_is_said(name: str, said: str) -> None:
     with pytest.raises(TaskError, match=said):
         make_task(f"robosuite:{name}")
+
+
+INTERRUPTED = """
+import os, signal
+import numpy as np
+from roboscribe.envs.suite.request import SuiteRequest
+from roboscribe.envs.suite.workers import Workers
+
+def told(request, numbers):
+    return numbers, numbers, numbers > 0
+
+if __name__ == "__main__":
+    pool = Workers(SuiteRequest("Lift"), 2)
+    assert len(pool.do(told, np.arange(4.0))[0]) == 4
+    try:
+        os.killpg(0, signal.SIGINT)
+        pool.do(told, np.arange(4.0))
+    except KeyboardInterrupt:
+        print("still", pool.do(told, np.arange(4.0))[0].sum())
+"""
+
+
+def test_ctrl_c_does_not_make_processes_talk(tmp_path: Path) -> None:
+    script = tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED)
+    ended = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=120, start_new_session=True, check=False
+    )
+    assert (ended.stdout, ended.stderr, ended.returncode) == ("still 6.0\n", "", 0)

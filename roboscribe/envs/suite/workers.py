@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import lru_cache
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -71,9 +72,10 @@ class Workers:
         context = get_context("spawn")
         pairs = [context.Pipe() for _ in range(count if count > 1 else 0)]
         self._pipes = [ours for ours, _ in pairs]
-        for _, theirs in pairs:
-            context.Process(target=serve, args=(theirs, request), daemon=True).start()
-            theirs.close()
+        with _deaf_to_interrupts():
+            for _, theirs in pairs:
+                context.Process(target=serve, args=(theirs, request), daemon=True).start()
+                theirs.close()
 
     def do(self, job: Job, *parts: Any) -> Moved:  # noqa: ANN401 - arrays over rows
         """Do a job on all rows, shared out in order.
@@ -93,6 +95,17 @@ class Workers:
                 raise answer
         snapshots, states, good = zip(*answers, strict=True)
         return np.concatenate(snapshots), np.concatenate(states), np.concatenate(good)
+
+
+@contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Start processes that Ctrl-C, which every process of a terminal hears, does not end: their owner ends them."""
+    resource_tracker.ensure_running()  # which would let Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @lru_cache(maxsize=4)
