@@ -16,8 +16,8 @@ from pathlib import Path
 
 from roboscribe.stages.tracking.mlflow_store import MlflowSync, open_sync, store_identity, unreachable
 
-PERIOD = 3.0
-"""Seconds between looks at the journal."""
+PERIOD = 1.0
+"""Seconds between looks at the journal: what is copied meanwhile nobody waits for at the end."""
 PATIENCE = 45.0
 """Seconds for which a store that cannot be reached is tried again after the run's end."""
 log = logging.getLogger(__name__)
