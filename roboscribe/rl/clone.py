@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import nn
 
+from roboscribe.rl.adam import Adam
 from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.skill import Layers, Skill
 from roboscribe.rl.torch_net import layers_of, mlp, single_thread
@@ -75,18 +76,15 @@ def clone(skill: Skill, samples: CloningSamples, config: CloneConfig, seed: int)
         torch.manual_seed(seed)
         network = mlp([inputs.shape[1], *config.hidden, 2 * actions])
     steps = min(config.steps, max(config.least_steps, len(samples)))
-    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, steps)
+    optimizer = Adam(network, config.learning_rate, steps)
     stops = {steps * (rank + 1) // config.checkpoints for rank in range(config.checkpoints)}
     for step in range(1, steps + 1):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
         blurred = inputs[batch] + config.input_noise * torch.randn(config.batch, inputs.shape[1], generator=generator)
         loss = gaussian_loss(network(blurred), targets[batch], config.least_log_std)
-        optimizer.zero_grad()
         torch.autograd.backward(loss)
         nn.utils.clip_grad_norm_(network.parameters(), MAX_GRADIENT)
         optimizer.step()
-        schedule.step()
         if step in stops:
             yield step, skill.with_layers(_mean_layers(layers_of(network), actions))
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from roboscribe.dsl.interpreter import Controller
+from roboscribe.rl.adam import Adam
 from roboscribe.rl.clone import gaussian_loss
 from roboscribe.rl.config import InverseConfig
 from roboscribe.rl.observation import CLIP, Encoder, ObservationSpec
@@ -148,13 +149,10 @@ def fit_inverse(
     reach = float(np.tanh(config.limit))
     targets = torch.from_numpy(np.arctanh(np.clip(data.actions, -reach, reach)).astype(np.float32))
     generator = torch.Generator().manual_seed(seed)
-    optimizer = torch.optim.Adam(network.parameters(), lr=config.learning_rate, fused=True)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.steps)
+    optimizer = Adam(network, config.learning_rate, config.steps)
     for _ in range(config.steps):
         batch = torch.randint(len(inputs), (config.batch,), generator=generator)
         loss = gaussian_loss(network(inputs[batch]), targets[batch], config.least_log_std)
-        optimizer.zero_grad()
         torch.autograd.backward(loss)
         optimizer.step()
-        schedule.step()
     return model
