@@ -19,8 +19,8 @@ from roboscribe.subtask_tree import ROOT, TRUE, Tree
 from roboscribe.world.trajectory import Trajectory
 
 Skills = dict[str, Lookahead]
-EPISODES = 20
-"""Episodes in which a program must succeed in 95 %: one accident is forgiven."""
+EPISODES = 50
+"""Episodes in which a program is tried. A wide interval cannot tell a good program from one that lacks a subgoal."""
 PATIENCE = 1.5
 """Control steps of an episode, in lengths of the longest demonstration: whoever needs longer has failed."""
 
