@@ -14,7 +14,8 @@ from roboscribe.io.atomic import Json
 from roboscribe.program_gen import OPAQUE
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import ProgramLog, SkillReport, no_log, train_program
+from roboscribe.rl.skill_job import SkillReport
+from roboscribe.rl.train_program import ProgramLog, no_log, train_program
 from roboscribe.subtask_tree import Tree
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory

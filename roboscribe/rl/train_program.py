@@ -7,19 +7,18 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias, assert_never
 
-import numpy as np
-
 from roboscribe.dsl.syntax import Program, Run, Solved
 from roboscribe.errors import ArtifactError
 from roboscribe.rl.best_warm_start import TrainingStarts, best_warm_start
 from roboscribe.rl.checkpoint import read_checkpoint, write_checkpoint
 from roboscribe.rl.config import PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.learner import Learned, LearnerTask, Log
-from roboscribe.rl.program_training import SEEDS, ProgramTraining
+from roboscribe.rl.program_training import ProgramTraining
+from roboscribe.rl.screening import mostly_fails, screen
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_env import SkillEvaluator, evaluate_skill
-from roboscribe.rl.whole_program import WholeProgram, affordable, tried
-from roboscribe.success_rate import wilson
+from roboscribe.rl.skill_job import SkillJob, SkillReport
+from roboscribe.rl.whole_program import WholeProgram
 from roboscribe.world.task import Task
 from roboscribe.world.trajectory import Trajectory
 
@@ -29,38 +28,10 @@ ProgramLog: TypeAlias = Callable[[str, Mapping[str, float], int], None]
 
 IMPROVED = ("clone", "ppo", "sac")
 """What gives a controller other weights than it had."""
-LONGEST = 4
-"""Times `TrainConfig.assurance` that a screening may take."""
 
 
 def no_log(controller: str, metrics: Mapping[str, float], step: int) -> None:
     """Log nothing."""
-
-
-@dataclass(frozen=True)
-class SkillReport:
-    """How one skill was learned.
-
-    Args:
-        controller: its name.
-        learner: what gave the weights that were kept: "kept" from before, "clone", "ppo", "sac" or "initial"; "undone"
-            are those from before, where the program had been worse with what was learned.
-        starts: held-out start states that it was measured on; 0 where the program never got there.
-        warm_success: success on held-out starts before reinforcement learning.
-        success: success of what was kept.
-        control_steps: all control steps spent on it: starts, evaluations and learning.
-        unfinished: whether they ran out while it was still getting better.
-        known_success: success of what was known before; 0 where nothing was.
-    """
-
-    controller: str
-    learner: str
-    starts: int
-    warm_success: float
-    success: float
-    control_steps: int
-    unfinished: bool = False
-    known_success: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -132,7 +103,7 @@ def train_program(
     )
     skills, reports, whole = dict(library), list[SkillReport](), WholeProgram(training)
     for turn in _turns(training, library):
-        verdict = _screen(training, turn, skills, reports)
+        verdict = screen(training, turn, skills, reports)
         reports += [] if verdict.report is None else [verdict.report]
         steps = verdict.control_steps
         for job in turn if verdict.worthwhile else ():
@@ -148,26 +119,7 @@ def train_program(
     return TrainingResult(skills, tuple(reports))
 
 
-@dataclass(frozen=True)
-class _SkillJob:
-    """One controller that is to be learned.
-
-    Args:
-        run: its statement.
-        title: under which its progress is kept.
-        reinforce: whether reinforcement learning may follow the warm start.
-        again: whether it was learned before, so that no subgoal is expected before it.
-        together: whether its loop's controllers have all had a first turn.
-    """
-
-    run: Run
-    title: str
-    reinforce: bool = True
-    again: bool = False
-    together: bool = False
-
-
-def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[tuple[_SkillJob, ...]]:
+def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[tuple[SkillJob, ...]]:
     """List what is learned in which order: controllers that the library lacks, in textual order, then known ones.
 
     A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
@@ -175,28 +127,12 @@ def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[
     """
     for group in training.groups:
         runs = [run for run in group.runs if run.controller not in library]
-        yield tuple(_SkillJob(run, training.title(run), reinforce=not group.loop) for run in runs)
-        yield tuple(_SkillJob(run, f"{run.controller}.loop", together=True) for run in runs if group.loop)
+        yield tuple(SkillJob(run, training.title(run), reinforce=not group.loop) for run in runs)
+        yield tuple(SkillJob(run, f"{run.controller}.loop", together=True) for run in runs if group.loop)
     yield tuple(_known(training, library))
 
 
-def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
-    """Tell whether what was cloned for a subgoal's program mostly fails, so that its loop shows no later iterations."""
-    config = training.config
-    failing = any(mostly_fails(config, report.success, report.starts) for report in reports)
-    return failing and config.profile == "actions" and not training.solve
-
-
-def mostly_fails(config: TrainConfig, rate: float, starts: int) -> bool:
-    """Tell whether a skill that succeeds from a share of some starts fails too often, beyond chance, to be improved.
-
-    Where there were no starts the rate is one of episodes, or 0 because the program never got there.
-    """
-    at_best = wilson(rate * starts, starts)[1] if starts else rate
-    return at_best < config.worth_improving
-
-
-def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_SkillJob]:
+def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[SkillJob]:
     """List the controllers of the library that are to be improved, in textual order.
 
     A program that is to bring ψ_R about may improve all it knows; where it solves the task too rarely a subgoal is
@@ -204,62 +140,12 @@ def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[_Ski
     nothing explains why it fails.
     """
     runs = {run.controller: run for run in training.runs}
-    known = [_SkillJob(run, f"{name}.improved", again=True) for name, run in runs.items() if name in library]
+    known = [SkillJob(run, f"{name}.improved", again=True) for name, run in runs.items() if name in library]
     return known if training.solve or len(known) == len(runs) else []
 
 
-@dataclass(frozen=True)
-class _Screening:
-    """Whether a turn is worthwhile, what to report where it is not, and the control steps that it took to find out."""
-
-    worthwhile: bool
-    report: SkillReport | None = None
-    control_steps: int = 0
-
-
-def _screen(
-    training: ProgramTraining, turn: Sequence[_SkillJob], skills: Mapping[str, Skill], reports: Sequence[SkillReport]
-) -> _Screening:
-    """Run the program as things stand, before controllers that have all had a turn get another one.
-
-    It is not worthwhile where the program reaches its goal as often as is wanted, nor where it does so too rarely for
-    its controllers to be to blame. One failure too many may be chance: more episodes tell. For what was trained in vain
-    other episodes have told already.
-    """
-    if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
-        return _Screening(False)
-    config, job = training.config, turn[0]
-    if (job.again and training.trained_before) or not _can_be_screened(training, job, skills):
-        return _Screening(True)
-    seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
-    success, steps = tried(training, skills, seeds[: config.screening])
-    for episodes in range(config.assurance, len(seeds) + 1, config.assurance):
-        failures = int((~success).sum())
-        if failures > (1.0 - training.wanted) * episodes + 1 or not affordable(training, episodes):
-            break
-        more, spent = tried(training, skills, seeds[len(success) : episodes])
-        success, steps = np.concatenate([success, more]), steps + spent
-        if success.mean() >= training.wanted:
-            break
-    rate = float(success.mean())
-    assured = rate >= training.wanted and len(success) >= config.assurance
-    hopeless = job.again and rate < config.worth_improving
-    if assured or hopeless:
-        return _Screening(False, SkillReport(turn[-1].run.controller, "kept", 0, rate, rate, steps))
-    return _Screening(True, control_steps=steps)
-
-
-def _can_be_screened(training: ProgramTraining, job: _SkillJob, skills: Mapping[str, Skill]) -> bool:
-    """Tell whether the whole program can show what a turn is worth: known skills for ψ_R, or a loop that comes last."""
-    if job.together:
-        return all(run.controller in skills for run in training.runs) and affordable(
-            training, training.config.screening
-        )
-    return job.again and training.solve
-
-
 def _learn(
-    training: ProgramTraining, context: _RunContext, job: _SkillJob, skills: Mapping[str, Skill], before: int
+    training: ProgramTraining, context: _RunContext, job: SkillJob, skills: Mapping[str, Skill], before: int
 ) -> tuple[Skill, SkillReport]:
     """Learn one skill, for which `before` control steps were spent already, or read it from its checkpoint."""
     finished = context.file(job.title)
@@ -273,7 +159,7 @@ def _learn(
 
 
 def _train(
-    training: ProgramTraining, context: _RunContext, job: _SkillJob, skills: Mapping[str, Skill], most: int
+    training: ProgramTraining, context: _RunContext, job: SkillJob, skills: Mapping[str, Skill], most: int
 ) -> tuple[Skill, SkillReport]:
     """Measure a warm start, and improve it by reinforcement learning where needed, in `most` control steps."""
     run = job.run
@@ -299,7 +185,7 @@ def _train(
 def _improve(
     training: ProgramTraining,
     context: _RunContext,
-    job: _SkillJob,
+    job: SkillJob,
     warm: Skill,
     report: SkillReport,
     starts: TrainingStarts,

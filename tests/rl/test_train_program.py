@@ -14,8 +14,10 @@ from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Tru
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import ProgramTraining, step_limits
+from roboscribe.rl.screening import mostly_fails, never_together
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import TrainingResult, mostly_fails, train_program
+from roboscribe.rl.skill_job import SkillReport
+from roboscribe.rl.train_program import TrainingResult, train_program
 from roboscribe.world.layout import BoolArray, FloatArray
 from tests.rl.carry_world import AT, HOLD, PROGRAM, Carry, b, mu
 
@@ -210,6 +212,25 @@ def test_a_loop_whose_clones_mostly_fail_is_not_trained_together_for_a_subgoal(s
 def test_whether_a_clone_mostly_fails_is_told_by_an_interval(rate: float, starts: int, fails: bool) -> None:
     """48 % of 200 starts may be half of all; where there were no starts nothing was reached."""
     assert mostly_fails(QUICK, rate, starts) == fails
+
+
+@pytest.mark.parametrize(
+    ("hold", "at", "successes", "solve", "together"),
+    [
+        (1.0, 0.5, 0, False, True),  # half of 32 are expected
+        (1.0, 0.5, 1, False, False),
+        (0.2, 0.4, 0, False, False),  # 2 or 3 of 32 are expected: none may be chance
+        (1.0, 0.5, 0, True, False),
+        (1.0, None, 0, False, False),
+    ],
+)
+def test_what_fails_together_and_not_one_by_one_lacks_a_subgoal(
+    hold: float, at: float | None, successes: int, solve: bool, together: bool
+) -> None:
+    training = ProgramTraining(TASK, LOOP, SHOWN, QUICK, 0, solve)
+    rates = {"hold": hold, "at": at}
+    reports = [SkillReport(name, "clone", 50, rate, rate, 1) for name, rate in rates.items() if rate is not None]
+    assert never_together(training, reports, np.arange(32) < successes) == together
 
 
 def test_a_subgoals_skill_is_reinforced_until_it_passes() -> None:

@@ -12,7 +12,8 @@ import pytest
 
 from roboscribe.rl.program_training import ProgramTraining
 from roboscribe.rl.skill import Skill
-from roboscribe.rl.train_program import SkillReport, _SkillJob, train_program
+from roboscribe.rl.skill_job import SkillJob, SkillReport
+from roboscribe.rl.train_program import train_program
 from roboscribe.rl.whole_program import WholeProgram
 from roboscribe.world.layout import BoolArray, IntArray
 from tests.rl.carry_world import PROGRAM, Carry
@@ -104,7 +105,7 @@ def test_what_makes_the_program_worse_is_undone(monkeypatch: pytest.MonkeyPatch)
     before = train_program(TASK, PROGRAM, SHOWN, {}, QUICK, 0).library
     other = {name: skill.with_layers(skill.layers) for name, skill in before.items()}
 
-    def learn(_: object, __: object, job: _SkillJob, ___: object, ____: int) -> tuple[Skill, SkillReport]:
+    def learn(_: object, __: object, job: SkillJob, ___: object, ____: int) -> tuple[Skill, SkillReport]:
         name = job.run.controller
         return other[name], SkillReport(name, "ppo", 9, 0.8, 0.9, 100, unfinished=True, known_success=0.7)
 
