@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations, product
+from math import comb, log2
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from roboscribe.search.differences import differences, landmarks
 from roboscribe.search.loop_entities import is_lasting
 from roboscribe.subtask_tree import Node
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
-from roboscribe.world.trajectory import AGREEMENT
+from roboscribe.world.trajectory import AGREEMENT, NEVER
 
 BY_ACCIDENT = 0.05
 """How seldom one of all distances may tell the order of demonstrations by accident."""
@@ -29,7 +30,7 @@ def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray
     """Find when `one` is reached before `other`, as a predicate on the initial state.
 
     Args:
-        evidence: demonstrations.
+        evidence: demonstrations; those that finish one of the branches alone say nothing.
         one: a branch's node.
         other: the branch that comes first where the predicate is false.
         chosen: (D,) step of each demonstration at which the first of the two is chosen; None where that is at once.
@@ -42,64 +43,82 @@ def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray
 
     Source: Sec. 4.5.
     """
-    first = evidence.first_steps(one.lifted(evidence.types)) < evidence.first_steps(other.lifted(evidence.types))
-    starts = evidence.states[evidence.starts]
+    mine, theirs = (evidence.first_steps(node.lifted(evidence.types)) for node in (one, other))
+    both = (mine < NEVER) & (theirs < NEVER)
+    first, starts = (mine < theirs)[both], evidence.states[evidence.starts][both]
     names = (*one.entities, *other.entities)
     tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
-    if len(first) < np.log2(max(1, 2 * len(tests))):
+    if _bits(first, 0) < log2(max(1, 2 * len(tests))):
         return Fail(f"too few demonstrations to tell why {one.name} sometimes comes before {other.name}")
     unexplained = Fail(f"no comparison of attributes explains why {one.name} sometimes comes before {other.name}")
     return (
         _telling_comparison(tests, starts, first, evidence.layout)
-        or _telling_reading(evidence, first)
-        or _shorter_distance(evidence, one, other, first, chosen)
+        or _telling_reading(evidence, starts, first)
+        or _shorter_distance(evidence, one, other, first, _at_choice(evidence, chosen)[both])
         or unexplained
     )
 
 
+def _bits(first: BoolArray, wrong: int) -> float:
+    """Return what a rule with so many exceptions says about which demonstrations are `first` (D,), in bits.
+
+    Where hardly any is, little remains to be said, and some number always lies far off in one of them.
+    """
+    count = len(first)
+    untold = min(float(count), log2((count + 1) * comb(count, int(first.sum()))))
+    return untold - log2((wrong + 1) * comb(count, wrong))
+
+
+def _tells(answer: BoolArray, first: BoolArray, choices: float) -> bool:
+    """Whether an answer (D,) agrees with `first` (D,), and says more than it takes to choose among so many."""
+    wrong = int((answer != first).sum())
+    return wrong <= (1.0 - AGREEMENT) * len(first) and _bits(first, wrong) >= log2(choices)
+
+
 def _telling_comparison(
-    tests: Iterable[Predicate], states: FloatArray, first: BoolArray, layout: Layout
+    tests: Sequence[Predicate], states: FloatArray, first: BoolArray, layout: Layout, accidents: float = 1.0
 ) -> Predicate | None:
     """Find the first of the tests, or its negation, that holds in states (D, F) where `first` (D,); None where none."""
     for test in tests:
         truth = holds(test, states, {}, layout)
         for predicate, answer in ((test, truth), (Not(test), ~truth)):
-            if np.mean(answer != first) <= 1.0 - AGREEMENT:
+            if _tells(answer, first, 2 * len(tests) / accidents):
                 return predicate
     return None
 
 
-def _telling_reading(evidence: Evidence, first: BoolArray) -> Predicate | None:
-    """Find a number on whose side of a threshold it depends whether `first` (D,); None where there is none."""
-    starts, layout = evidence.states[evidence.starts], evidence.layout
+def _telling_reading(evidence: Evidence, starts: FloatArray, first: BoolArray) -> Predicate | None:
+    """Find a number on whose side of a threshold in `starts` (D, F) `first` (D,) depends; None where there is none."""
+    layout = evidence.layout
     readings = list(_lasting_readings(evidence))
-    if len(first) < np.log2(max(1, 2 * len(readings) * len(first))):
-        return None
     for term in readings:
         values = evaluate(term, starts, {}, layout)[..., 0]
         levels = np.unique(values)
-        cuts = (levels[1:] + levels[:-1]) / 2
-        wrong = np.mean((values < cuts[:, None]) != first, axis=1)
-        for side, missed in ((Less, wrong), (Greater, 1.0 - wrong)):
-            if len(cuts) and missed.min() <= 1.0 - AGREEMENT:
-                best = np.flatnonzero(missed == missed.min())
+        below = values < ((levels[1:] + levels[:-1]) / 2)[:, None]
+        for side, answers in ((Less, below), (Greater, ~below)):
+            wrong = (answers != first).sum(axis=1)
+            best = np.flatnonzero(wrong == wrong.min(initial=len(first)))
+            if len(best) and _tells(answers[best[0]], first, 2 * len(readings) * len(below)):
                 widest = best[np.argmax(np.diff(levels)[best])]
                 return side(term, Const(_rounded(float(levels[widest]), float(levels[widest + 1]))))
     return None
 
 
+def _at_choice(evidence: Evidence, chosen: IntArray | None) -> FloatArray:
+    """Return the states (D, F) in which the first of two branches is chosen, see `order_condition`."""
+    last = np.array([len(shown) - 1 for shown in evidence.trajectories])
+    states: FloatArray = evidence.states[evidence.starts + (0 if chosen is None else np.minimum(chosen, last))]
+    return states
+
+
 def _shorter_distance(
-    evidence: Evidence, one: Node, other: Node, first: BoolArray, chosen: IntArray | None
+    evidence: Evidence, one: Node, other: Node, first: BoolArray, states: FloatArray
 ) -> Predicate | None:
-    """Find which distance is shorter where `first` (D,), when a branch is chosen; None where none tells."""
+    """Find which distance is shorter in `states` (D, F) where `first` (D,); None where none tells."""
     if len(one.entities) != 1 or len(other.entities) != 1:
         return None
     tests = list(_distance_comparisons(evidence, one.entities[0], other.entities[0]))
-    if len(first) < np.log2(max(1, 2 * len(tests)) / BY_ACCIDENT):
-        return None
-    last = np.array([len(shown) - 1 for shown in evidence.trajectories])
-    states = evidence.states[evidence.starts + (0 if chosen is None else np.minimum(chosen, last))]
-    return _telling_comparison(tests, states, first, evidence.layout)
+    return _telling_comparison(tests, states, first, evidence.layout, BY_ACCIDENT)
 
 
 def _distance_comparisons(evidence: Evidence, one: str, two: str) -> Iterator[Less]:

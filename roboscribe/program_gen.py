@@ -35,8 +35,8 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, predicate_synthesis
 from roboscribe.subtask_tree import ROOT, Node, Tree
-from roboscribe.world.layout import IntArray
-from roboscribe.world.trajectory import AGREEMENT
+from roboscribe.world.layout import BoolArray, IntArray
+from roboscribe.world.trajectory import AGREEMENT, NEVER
 
 OPAQUE = "R"
 """Name of the controller that is asked to reach ψ_R without any subgoal."""
@@ -88,7 +88,7 @@ class _Writer:
 
         Source: Algorithm 5, lines 8-19.
         """
-        repeats = node.circular and not self.depends(node)
+        repeats = node.circular and not is_choice(node, self.evidence)
         outside = self.straight.pop(node.role, None) if repeats else None  # a loop's variable is its own
         body = self.predecessors(node.name)
         if isinstance(body, Fail) or (self.done and not repeats):
@@ -98,10 +98,6 @@ class _Writer:
             self.straight[node.role] = outside
         self.done = self.done or node.name == self.goal
         return written
-
-    def depends(self, node: Node) -> bool:
-        """Tell whether a circular node is about the only entity of its type: it is done or not, and never again."""
-        return node.circular and len(self.evidence.layout.of_type(self.evidence.types[node.role])) == 1
 
     def predecessors(self, psi: str) -> Statement | Fail:
         """Branches in the order in which the demonstrations finish them; conditions where that order has a reason."""
@@ -136,7 +132,7 @@ class _Writer:
             if len(nodes) > 2 and self.done and node.name != self.goal:
                 return seq(*branches)
             self.done = self.done or reached
-        depending = [self.depends(node) for node in nodes]
+        depending = [is_choice(node, self.evidence) for node in nodes]
         if all(depending):
             return self.alternatives(nodes, branches)
         branches = [
@@ -245,10 +241,11 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
 
     Source:  Algorithm 5, line 10; Sec. 4.5.
     Departs: where the order varies and no condition tells why, any order will do, and the one that most demonstrations
-        show is taken.
+        show is taken. Demonstrations that finish one of two branches alone do not vote; branches of which all do either
+        one or the other are together.
     """
     first = {n.name: evidence.first_steps(n.lifted(evidence.types)) for n in nodes}
-    ahead = {(a.name, b.name): float(np.mean(first[a.name] < first[b.name])) for a, b in permutations(nodes, 2)}
+    ahead = {(a.name, b.name): _ahead(first[a.name], first[b.name]) for a, b in permutations(nodes, 2)}
     ranked = sorted(nodes, key=lambda n: -sum(ahead[n.name, o.name] for o in nodes if o != n))
     varied = [
         (one, other)
@@ -256,17 +253,38 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
         if 1.0 - AGREEMENT < ahead[one.name, other.name] < AGREEMENT
     ]
     conditions: dict[tuple[str, str], Predicate] = {}
-    for one, other in varied:
+    apart = {
+        (a.name, b.name)
+        for a, b in permutations(nodes, 2)
+        if is_choice(a, evidence) and is_choice(b, evidence) and not _both(first[a.name], first[b.name]).any()
+    }
+    for one, other in (pair for pair in varied if (pair[0].name, pair[1].name) not in apart):
         chosen = _chosen(first, one.name, other.name)
         there, back = (order_condition(evidence, *pair, chosen) for pair in ((one, other), (other, one)))
         if not isinstance(there, Fail) and not isinstance(back, Fail):
             conditions[one.name, other.name], conditions[other.name, one.name] = there, back
     groups: list[tuple[Node, ...]] = []
     for node in ranked:
-        tied = [i for i, g in enumerate(groups) if any((o.name, node.name) in conditions for o in g)]
+        tied = [i for i, g in enumerate(groups) if any((o.name, node.name) in conditions.keys() | apart for o in g)]
         joined = tuple(n for g in groups[tied[0] :] for n in g) if tied else ()
         groups = [*(groups[: tied[0]] if tied else groups), (*joined, node)]
     return Order(tuple(groups), conditions)
+
+
+def _both(one: IntArray, other: IntArray) -> BoolArray:
+    """Tell which demonstrations (D,) finish two branches, given the steps at which they do."""
+    return (one < NEVER) & (other < NEVER)
+
+
+def _ahead(one: IntArray, other: IntArray) -> float:
+    """Return the share of the demonstrations that finish one of two branches first, among those that finish both."""
+    both = _both(one, other)
+    return float(np.mean(one[both] < other[both])) if both.any() else 0.5
+
+
+def is_choice(node: Node, evidence: Evidence) -> bool:
+    """Tell whether a circular node is about the only entity of its type: it is done or not, and never again."""
+    return node.circular and len(evidence.layout.of_type(evidence.types[node.role])) == 1
 
 
 def _chosen(first: Mapping[str, IntArray], one: str, other: str) -> IntArray:

@@ -124,3 +124,18 @@ def test_few_demonstrations_do_not_tell_why_branches_come_in_their_order() -> No
     shown = evidence(PointTask("toy", ("peg", "cube")), bottom_up, episodes=2)
     answer = order_condition(shown, node("at", AT, "p1"), node("at2", AT, "c1"))
     assert answer == Fail("too few demonstrations to tell why at sometimes comes before at2")
+
+
+def test_what_is_seldom_turned_round_is_no_condition_of_a_number_that_lies_far_off_by_accident() -> None:
+    """Of 40 demonstrations three place the cube first, the one with the highest bell among them."""
+    shown = list(with_bell(lambda goals: True, 40).trajectories)
+    height = BELL.layout.columns[2, "position", False].start + 1
+    rare = with_bell(lambda goals: False, 3).trajectories
+    rng = np.random.default_rng(0)
+    drawn = []
+    for each, z in zip([*rare, *shown[3:]], [0.99, *rng.uniform(0.1, 0.9, 39)], strict=True):
+        states = each.states.copy()
+        states[:, height] = z
+        drawn.append(Trajectory(BELL.layout, states))
+    answer = order_condition(Evidence(tuple(drawn), without_bell), CUBE, PEG)
+    assert answer == Fail("no comparison of attributes explains why at2 sometimes comes before at")
