@@ -1,9 +1,12 @@
-"""Which entities of a type a loop is about: all, or those of which a number that nothing changes lies in some range."""
+"""Which entities of a type a loop is about: all, or those that a number tells which nothing changes.
+
+That number lies in some range, or is the greatest or the least of all.
+"""
 
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -12,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from roboscribe.dsl.rewrite import free_vars, rename
+from roboscribe.dsl.rewrite import free_vars, rename, uses_robot
 from roboscribe.dsl.semantics import evaluate, holds
-from roboscribe.dsl.syntax import And, Predicate, Proj, Truth
+from roboscribe.dsl.syntax import And, Diff, Exists, Less, Not, Predicate, Proj, Truth, Var
 from roboscribe.dsl.types import named_entities
 from roboscribe.search.features import Feature
 from roboscribe.world.layout import BoolArray, FloatArray, IntArray, Layout
@@ -100,29 +103,30 @@ class Reading:
 def lasting_readings(features: Sequence[Feature], pairs: Pairs) -> Iterator[Reading]:
     """Yield single numbers of an entity, or of its goal, that no demonstration changes.
 
-    Where a type has one entity, what is done with it may be told by other things without like, a lamp say.
+    They may be compared with those of things without like, a scale's limit, say. Where a type has one entity, what is
+    done with it may be told by such things alone, by a lamp.
     """
     for feature in features:
-        names = free_vars(feature.term)
-        if isinstance(feature.term, Proj) and feature.over is None and names and _tells(names[0], pairs):
+        single = isinstance(feature.term, Proj | Diff) and feature.over is None and not uses_robot(feature.term)
+        if single and _tells(set(free_vars(feature.term)), pairs):
             values = pairs.values(feature, pairs.frames)
             initial = values[:, pairs.starts]
             if np.ptp(initial) > 0.0 and is_lasting(values, pairs.starts):
                 yield Reading(feature, initial)
 
 
-def _tells(name: str, pairs: Pairs) -> bool:
-    """Whether what an entity is like may tell whom a loop is about: each of them, or a thing without like."""
-    if name == pairs.entity or len(pairs.members) > 1:
-        return name == pairs.entity
-    kind = named_entities(pairs.layout).get(name)
-    return kind is not None and len(pairs.layout.of_type(kind)) == 1
+def _tells(names: Set[str], pairs: Pairs) -> bool:
+    """Whether what some entities are like may tell whom a loop is about: each of them, and things without like."""
+    kinds = named_entities(pairs.layout)
+    without_like = all(name in kinds and len(pairs.layout.of_type(kinds[name])) == 1 for name in names - {pairs.entity})
+    return without_like and (pairs.entity in names or (bool(names) and len(pairs.members) == 1))
 
 
 def parting(values: FloatArray, readings: Sequence[Reading], pairs: Pairs) -> Iterator[Predicate]:
     """Find entities that end below a threshold where all others end beyond it, told by a number that nothing changes.
 
-    That number lies beyond a threshold of its own or between two, whichever parts them better.
+    That number lies beyond a threshold of its own or between two, or is the greatest or the least of its
+    demonstration, whichever parts them better.
 
     Args:
         values: (N, S) of a feature, to lie below a threshold once ψ_R holds.
@@ -135,10 +139,10 @@ def parting(values: FloatArray, readings: Sequence[Reading], pairs: Pairs) -> It
     """
     ends = values[:, pairs.lasts].ravel()
     for reading in readings:
-        ranges = [*_sides(reading, ends), *_between_two(reading, ends)]
+        ranges = [*_sides(reading, ends), *_between_two(reading, ends), *_superlatives(reading, ends, pairs)]
         best = max(ranges, key=lambda one: one.rank, default=None)
         enough = log2(2 * max(1, len(reading.cuts)) * len(readings) * len(pairs.members))
-        if best is not None and best.gap > 0.0 and log2(comb(len(ends), best.number)) >= enough:
+        if best is not None and best.gap > 0.0 and best.bits >= enough:
             yield best.only
 
 
@@ -147,13 +151,13 @@ class _Range(NamedTuple):
 
     Attributes:
         only: what tells them.
-        number: of them, over all demonstrations.
+        bits: what it says which of all entities, over all demonstrations, they are.
         gap: between where they end and where the others do; not above 0 for none.
         rank: the higher, the better they are parted.
     """
 
     only: Predicate
-    number: int
+    bits: float
     gap: float
     rank: tuple[bool, float]
 
@@ -167,26 +171,27 @@ class _Ends(NamedTuple):
     greatest: float
 
 
-def _range(only: Predicate, number: int, chosen: _Ends, others: _Ends, whole: float) -> _Range:
+def _range(only: Predicate, bits: float, chosen: _Ends, others: _Ends, whole: float) -> _Range:
     """Rank how well entities are parted: without exception before with a few, then by the gap in their own ranges.
 
     What goes to the first of three trays lies in it; what goes to one of the first two lies anywhere between.
     """
     gap, least = others.low - chosen.high, others.least - chosen.greatest
     if gap <= 0.0:
-        return _Range(only, number, gap, (False, gap))
+        return _Range(only, bits, gap, (False, gap))
     own = chosen.greatest - chosen.least + (1.0 - AGREEMENT) * whole
-    return _Range(only, number, gap, (least > 0.0, (least if least > 0.0 else gap) / own))
+    return _Range(only, bits, gap, (least > 0.0, (least if least > 0.0 else gap) / own))
 
 
 def _sides(reading: Reading, ends: FloatArray) -> Iterator[_Range]:
     """Yield all entities below a threshold, and all beyond it, for every threshold."""
     ordered, whole = ends[reading.order], float(np.ptp(ends))
     below, beyond = _growing(ordered), _growing(ordered[::-1])[::-1]
+    bits = {count: log2(comb(len(ends), count)) for count in reading.cuts}
     for count, cut in reading.cuts.items():
-        yield _range(reading.feature.below(cut), count, below[count - 1], beyond[count], whole)
+        yield _range(reading.feature.below(cut), bits[count], below[count - 1], beyond[count], whole)
     for count, cut in reading.cuts.items():
-        yield _range(reading.feature.above(cut), len(ends) - count, beyond[count], below[count - 1], whole)
+        yield _range(reading.feature.above(cut), bits[count], beyond[count], below[count - 1], whole)
 
 
 def _growing(ends: FloatArray) -> list[_Ends]:
@@ -218,7 +223,26 @@ def _between_two(reading: Reading, ends: FloatArray) -> Iterator[_Range]:
     if inside.any() and not inside.all():
         only = And(reading.feature.above(low), reading.feature.below(high))
         within, others = _growing(ends[inside])[-1], _growing(ends[~inside])[-1]
-        yield _range(only, int(inside.sum()), within, others, float(np.ptp(ends)))
+        yield _range(only, log2(comb(len(ends), int(inside.sum()))), within, others, float(np.ptp(ends)))
+
+
+def _superlatives(reading: Reading, ends: FloatArray, pairs: Pairs) -> Iterator[_Range]:
+    """Yield the greatest and the least entity of each demonstration, and all but either."""
+    count, mine = len(pairs.members), reading.feature.term
+    if count < 2 or free_vars(mine) != (pairs.entity,):
+        return
+    kind = pairs.layout.entities[pairs.members[0]].name
+    other = Var(f"{pairs.layout.letter(kind)}'")
+    theirs, bits = rename(mine, {pairs.entity: other.name}), len(pairs.starts) * log2(count)
+    for surpassed, best in (
+        (Less(mine, theirs), reading.initial.argmax(axis=0)),
+        (Less(theirs, mine), reading.initial.argmin(axis=0)),
+    ):
+        chosen = (np.arange(count)[:, None] == best).ravel()
+        those, others = _growing(ends[chosen])[-1], _growing(ends[~chosen])[-1]
+        rest = Exists(other, kind, surpassed)
+        yield _range(Not(rest), bits, those, others, float(np.ptp(ends)))
+        yield _range(rest, bits, others, those, float(np.ptp(ends)))
 
 
 def middle(low: float, high: float) -> float:

@@ -141,7 +141,7 @@ def _at_the_end(values: FloatArray, pairs: Pairs) -> tuple[FloatArray, FloatArra
     if np.median(arriving.any(axis=0)) == 0.0:
         return kept, np.empty(0)
     beyond = np.sort(before[arriving & (before > kept.max())])
-    return kept, beyond[int((1.0 - AGREEMENT) * len(pairs.starts)) :]
+    return kept, beyond[int((1.0 - AGREEMENT) * len(beyond)) :]
 
 
 def _last_beyond(values: FloatArray, threshold: float, pairs: Pairs) -> IntArray:

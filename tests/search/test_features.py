@@ -92,6 +92,7 @@ def test_projections_of_one_difference_are_one_family() -> None:
         "‖μ↓xyz − b1↓xyz‖",
         "‖μ↓xy − b1↓xy‖",
         *(f"μ↓{c} − b1↓{c}" for c in "xyz"),
+        *(f"‖μ↓{c} − b1↓{c}‖" for c in "xyz"),
     }
 
 

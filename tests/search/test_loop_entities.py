@@ -9,7 +9,7 @@ import pytest
 
 from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.rewrite import walk
-from roboscribe.dsl.syntax import Const, Truth
+from roboscribe.dsl.syntax import Const, Less, Truth
 from roboscribe.search.candidates import Candidate
 from roboscribe.search.features import enumerate_features
 from roboscribe.search.loop_entities import Pairs, _growing, middle
@@ -147,8 +147,13 @@ def test_two_bounds_are_better_than_one_that_parts_all_but_a_few() -> None:
     assert loop.only == parse_predicate("b1↓s > 0.3 ∧ b1↓s < 0.7")
 
 
-def lit_and_served(blocks: int) -> dict[str, Candidate]:
-    """Find what recurs with p where a lamp's s decides whether p of each block ends low."""
+def lit_and_served(blocks: int, against: float = 0.0) -> dict[str, Candidate]:
+    """Find what recurs with p where a lamp's s decides whether p of each block ends low.
+
+    Args:
+        blocks: how many there are.
+        against: spread of s of block and lamp alike, of which the difference decides; 0 where the lamp's does.
+    """
     rng = np.random.default_rng(3)
     lamp = replace(ONE.entities[0], name="lamp")
     layout = Layout(ONE.robot, (*ONE.entities * blocks, lamp))
@@ -156,6 +161,9 @@ def lit_and_served(blocks: int) -> dict[str, Candidate]:
     states = rng.uniform(0.5, 1.0, (DEMONSTRATIONS, LENGTH, layout.size))
     lit = rng.random(DEMONSTRATIONS) < 0.5
     states[..., s[-1]] = np.where(lit, 0.9, 0.1)[:, None]
+    if against:
+        states[..., s[0]] = rng.uniform(0.0, against, DEMONSTRATIONS)[:, None]
+        states[..., s[-1]] = states[..., s[0]] + np.where(lit, 0.2, -0.2)[:, None]
     for i in range(blocks):
         states[:, 8 * (i + 1) :, p[i]] = np.where(lit, 0.0, 0.98)[:, None] + rng.uniform(0.0, 0.02, (DEMONSTRATIONS, 1))
     negatives = rng.uniform(0.5, 1.0, (500, layout.size))
@@ -192,4 +200,22 @@ def test_between_adjacent_numbers_there_is_no_threshold() -> None:
     levels = np.tile([0.3, np.nextafter(0.3, 1.0), 0.7], (DEMONSTRATIONS, 1))
     told = told_apart(levels, np.where(levels < 0.5, 0.0, 0.98))
     assert set(told) - {"true"} == {"b1↓s < 0.5"}
-    assert not set(told_apart(levels[:, :2], np.where(levels[:, :2] == 0.3, 0.0, 0.98))) - {"true"}
+    told = told_apart(levels[:, :2], np.where(levels[:, :2] == 0.3, 0.0, 0.98))
+    assert set(told) - {"true"} == {"∃b':block. b1↓s < b'↓s"}, "which of the two is less can be said"
+
+
+def test_a_loop_may_be_about_the_greatest_or_all_but_the_greatest() -> None:
+    """No threshold parts numbers that lie anywhere."""
+    levels = np.random.default_rng(2).random((DEMONSTRATIONS, 3))
+    greatest = levels == levels.max(axis=1, keepdims=True)
+    told = told_apart(levels, np.where(greatest, 0.0, 0.98))
+    assert set(told) - {"true"} == {"¬∃b':block. b1↓s < b'↓s"}
+    told = told_apart(levels, np.where(greatest, 0.98, 0.0))
+    assert set(told) - {"true"} == {"∃b':block. b1↓s < b'↓s"}
+
+
+def test_what_is_done_to_a_single_entity_may_depend_on_how_it_compares_with_another_thing() -> None:
+    (loop,) = lit_and_served(1, against=0.9).values()
+    assert isinstance(loop.only, Less)
+    assert str(loop.only.left) == "b1↓s − l1↓s"
+    assert loop.possible

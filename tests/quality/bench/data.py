@@ -34,7 +34,8 @@ class Kind:
         placed: share of the objects that lie at their goals from the start.
         served: how many objects lie at their goals from the start in every episode.
         start: "scattered" or "line".
-        constants: attributes that never change: "weight", "size" (all different), "colour", "lit" (0 or 1).
+        constants: attributes that never change: "weight", "size" (one in each part of their range), "mass" (anywhere in
+            its range), "colour", "lit" (0 or 1).
         initial: whether the state says what the joint was at the start, as `initial_extension` or the like.
         locked_by: a kind whose first phase must be over before this one can be moved, and still be.
     """
@@ -74,9 +75,10 @@ class Aim:
     Args:
         attribute: which one.
         to: "goal" (within its tolerance), "above" or "below" a value, "right of" it along the first axis, "risen" by a
-            value since the start, or "inside" a container, within `value` of its position.
+            value since the start, "inside" a container, within `value` of its position, or in "line" with another
+            thing, within `value` of it along the first axis.
         value: of all but the first.
-        of: the container's kind.
+        of: the container's, or the other thing's kind.
     """
 
     attribute: str = "position"
@@ -99,7 +101,8 @@ class Phase:
         aims: what is done to each, in this order.
         order: who comes first: "any"; the nearest to the "hand" at each choice; or the least "goal z", "x", "weight"
             and the like; after a minus sign the greatest.
-        only: leaves out the others: "colour < 0.5", or "colour > 0.3 and colour < 0.7".
+        only: leaves out the others: "colour < 0.5", "colour > 0.3 and colour < 0.7", or "weight < scale.weight" of
+            another kind, "mass is greatest" and "mass not greatest" of its own.
         passing: what it achieves need not last to the end.
         shape: "loop" or "straight" or "either"; by default a loop where there are several objects.
         free: any order of the objects is right, though the demonstrations may seem to show one.

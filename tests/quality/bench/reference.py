@@ -27,6 +27,8 @@ def program_text(task: KinematicTask) -> str:
     """Write the program: gets first, then one part for each phase, in the order or orders that the task has."""
     names = {phase.kind: _letter(task, phase.kind) for phase in task.phases if straight(task, phase)}
     names |= {aim.of: _letter(task, aim.of) for phase in task.phases for aim in phase.aims if aim.of}
+    owners = (bound.split()[2].partition(".")[0] for phase in task.phases for bound in phase.bounds)
+    names |= {owner: _letter(task, owner) for owner in owners if owner in {kind.name for kind in task.kinds}}
     if " " in task.phase_order and not task.phase_order.startswith(("goal", "-goal")):
         owner = task.phase_order.split()[0]
         names[owner] = _letter(task, owner)
@@ -60,7 +62,7 @@ def _ordered(
     """Write phases one after the other, under conditions on the goals or on a constant where their order varies."""
     if len(phases) == 2 and all(phase.only and straight(task, phase) for phase in phases):
         sides = [part(task, phase, f"{indent}  ") for phase in phases]
-        return _branches(_only(phases[0], _letter(task, phases[0].kind)), sides[0], sides[1], indent)
+        return _branches(_only(task, phases[0], _letter(task, phases[0].kind)), sides[0], sides[1], indent)
     if task.phase_order in ("fixed", "random"):
         return [line for phase in phases for line in part(task, phase, indent)]
     if not task.phase_order.startswith(("goal", "-goal")):
@@ -114,16 +116,25 @@ def part(task: KinematicTask, phase: Phase, indent: str) -> list[str]:
 def guard(task: KinematicTask, phase: Phase, v: str) -> str:
     """Write which objects may come next: those not served, and none that is not served ranks before them."""
     other = f"{v}'"
-    only = f"{_only(phase, v)} ∧ " if phase.only else ""
+    only = f"{_only(task, phase, v)} ∧ " if phase.only else ""
     mine, theirs = (f"¬({all_met(task, phase, name)})" for name in (v, other))
     if phase.order == "any":
         return f"{only}{mine}"
-    restricted = f"{_only(phase, other)} ∧ " if phase.only else ""
+    restricted = f"{_only(task, phase, other)} ∧ " if phase.only else ""
     return f"{only}{mine} ∧ ¬∃{other}:{phase.kind}. {_before(task, phase.order, other, v)} ∧ {restricted}{theirs}"
 
 
-def _only(phase: Phase, v: str) -> str:
-    return " ∧ ".join(f"{v}↓{bound}" for bound in phase.bounds)
+def _only(task: KinematicTask, phase: Phase, v: str) -> str:
+    def side(value: str) -> str:
+        owner, _, attribute = value.partition(".")
+        return f"{_letter(task, owner)}↓{attribute}" if owner.isalpha() else value
+
+    def said(attribute: str, sign: str, value: str) -> str:
+        if value != "greatest":
+            return f"{v}↓{attribute} {sign} {side(value)}"
+        return f"{'¬' if sign == 'is' else ''}∃{v}'':{phase.kind}. {v}↓{attribute} < {v}''↓{attribute}"
+
+    return " ∧ ".join(f"({said(*bound.split())})" for bound in phase.bounds)
 
 
 def _before(task: KinematicTask, order: str, one: str, other: str) -> str:
@@ -175,6 +186,9 @@ def met(task: KinematicTask, aim: Aim, v: str) -> str:
             return f"‖{mine} − g({v})↓{field}‖ < {EXACT * aim.tolerance:.3g}"
         case "inside":
             return f"‖{mine} − {_letter(task, aim.of)}↓{field}‖ < {0.8 * aim.value:.3g}"
+        case "line":
+            x = task.plane[0]
+            return f"‖{v}↓{x} − {_letter(task, aim.of)}↓{x}‖ < {0.8 * aim.value:.3g}"
         case "below":
             return f"{mine} < {0.8 * aim.value:.3g}"
         case "right of":

@@ -116,6 +116,9 @@ class KinematicTask(Task):
             case "inside":
                 (container,) = self.of_kind(aim.of)
                 return _length(value - states[..., self.place(container)], aim) < share * aim.value
+            case "line":
+                (post,) = self.of_kind(aim.of)
+                return np.asarray(np.abs(value[..., 0] - states[..., self.place(post)][..., 0]) < share * aim.value)
             case "below":
                 return np.asarray(value[..., 0] < aim.value - (1 - share) * aim.value / 2)
             case "right of":
@@ -144,8 +147,21 @@ class KinematicTask(Task):
         answer = np.ones(states.shape[:-1], dtype=np.bool_)
         for attribute, sign, value in (bound.split() for bound in phase.bounds):
             mine = states[..., self.place(entity, attribute)][..., 0]
-            answer &= mine < float(value) if sign == "<" else mine > float(value)
+            if value == "greatest":
+                others = (states[..., self.place(e, attribute)][..., 0] for e in self.of_kind(phase.kind))
+                answer &= (mine == np.max(list(others), axis=0)) == (sign == "is")
+                continue
+            theirs = self._bound(states, value)
+            answer &= mine < theirs if sign == "<" else mine > theirs
         return answer
+
+    def _bound(self, states: FloatArray, value: str) -> FloatArray:
+        """Read a number, or that of another kind's only object, such as "scale.weight"."""
+        owner, _, attribute = value.partition(".")
+        if owner.lstrip("-").isdigit():
+            return np.asarray(float(value))
+        (entity,) = self.of_kind(owner)
+        return np.asarray(states[..., self.place(entity, attribute)][..., 0])
 
     def done(self, states: FloatArray, phase: Phase) -> BoolArray:
         """Whether a phase is over."""

@@ -182,11 +182,13 @@ def _riding_goals(task: KinematicTask, state: FloatArray, rng: np.random.Generat
 
 
 def _constants(task: KinematicTask, state: FloatArray, kind: Kind, name: str, rng: np.random.Generator) -> None:
-    """Draw constants: sizes and weights that differ clearly, or 0 and 1, not all the same where there are several."""
+    """Draw constants: sizes and weights apart, masses anywhere, or 0 and 1, not all alike where there are several."""
     if name in SCALES:
         low, high = SCALES[name]
         values = rng.permutation(kind.count) + rng.uniform(0.2, 0.8, kind.count)
         values = low + (high - low) * values / kind.count
+    elif name == "mass":
+        values = rng.uniform(0.0, 2.0, kind.count)
     else:
         values = rng.permutation([0.0, 1.0, *rng.integers(0, 2, max(0, kind.count - 2))][: max(2, kind.count)])
     for i, value in zip(task.of_kind(kind.name), values, strict=False):
