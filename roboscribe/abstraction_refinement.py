@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from roboscribe.best_first import PROMISING, Line, Search, possible_program
 from roboscribe.classifier import Refinement
-from roboscribe.dsl.rewrite import conjunction, conjuncts, free_vars
+from roboscribe.dsl.rewrite import conjunction, conjuncts, controllers, free_vars
+from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail
 from roboscribe.steps import Abandoned, Limits, Outcome, Removed, Skills, Solution, Steps, pure_steps
 from roboscribe.subtask_tree import ROOT, Node, Tree
@@ -67,17 +68,18 @@ def synthesize(
         what leads to ψ even where it fails, and would teach muddled predicates. A subgoal that is reached in half of
         the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
         ψ_R, and ψ_R decides; the latter are trained on before, and given up where they are never reached. What
-        a loop is to bring about for every entity is not attempted before something precedes it: the attempt on ψ_R has
-        shown that it does not come about by itself. Where most failing episodes were stuck at an earlier subgoal, that
-        one is refined first: nothing that is learned about ψ helps them.
+        a loop is to bring about for every entity is not attempted before something precedes it, in the tree or as
+        another branch of its program: the attempt on ψ_R has shown that it does not come about by itself. Where most
+        failing episodes were stuck at an earlier subgoal, that one is refined first: nothing that is learned about ψ
+        helps them.
     """
-    if blind is not None and tree.node(psi).circular and not tree.predecessors(psi):
+    program = line.generate(psi, tree)
+    if blind is not None and _is_bare_loop(psi, tree, program):
         refined = line.refine(blind, tree, psi)
         if not isinstance(refined, Fail):
             return _through(psi, refined, skills, line, blind)
         if line.exhausted:
             return refined
-    program = line.generate(psi, tree)
     if isinstance(program, Fail):
         return program
     tried = line.attempt(program, psi, tree, skills)
@@ -93,6 +95,12 @@ def synthesize(
     if isinstance(refined, Fail):
         return _unexplained(psi, solution, refined, line, tried=likely)
     return _through(psi, refined, skills, line, blind)
+
+
+def _is_bare_loop(psi: str, tree: Tree, program: Program | Fail) -> bool:
+    """Tell whether ψ is brought about for every entity, and nothing is known yet that helps."""
+    helped = isinstance(program, Program) and len({run.controller for run in controllers(program)}) > 1
+    return tree.node(psi).circular and not tree.predecessors(psi) and not helped
 
 
 def _refine(psi: str, found: Solution[Skills], line: Line[Skills], blind: FloatArray) -> tuple[Refinement, Tree] | Fail:

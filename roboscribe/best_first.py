@@ -104,9 +104,13 @@ class Search(Generic[Skills]):
         return promising and self.trained < self.limits.programs and self.steps.unfinished(skills)
 
     def keep(self, found: Solution[Skills], choices: tuple[int, ...] = ()) -> None:
-        """Remember a solution, and the choices of its line, if it is better than the best so far."""
-        if self.best is None or found.outcome.beats(self.best.outcome):
+        """Remember a solution, and the choices of its line, if it is better than the best so far, or good enough."""
+        if self.best is None or found.outcome.beats(self.best.outcome) or self._is_the_first_to_do(found):
             self.best, self.best_choices, self.since = found, choices, self.trained
+
+    def _is_the_first_to_do(self, found: Solution[Skills]) -> bool:
+        best = self.best
+        return best is not None and self.limits.met(found.outcome) and not self.limits.met(best.outcome)
 
     def leave_open(self, choices: tuple[int, ...], given_away: int) -> None:
         """Remember that another choice is possible."""

@@ -154,8 +154,9 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
     Source:  Algorithm 4.
     Departs: the edge True → ψ is removed once ψ has a learned predecessor, for True is then reached through it. A φ
         about the entities of a predecessor stands before or after it, whichever the demonstrations show; φ is
-        circular from the start where several entities satisfy it, and takes a predecessor's loop over. What a loop
-        needs but does not do for each of its entities precedes the loop; leaving comes after all that is there.
+        circular from the start where several entities satisfy it, and takes a predecessor's loop over; it takes no
+        predecessor over that such a loop is about. What a loop needs but does not do for each of its entities precedes
+        the loop; leaving comes after all that is there.
     """
     place = place or Place()
     loop = tree.loop_around(psi)
@@ -171,7 +172,7 @@ def update_tree(tree: Tree, phi: Node, psi: str, place: Place | None = None) -> 
         after_all = tuple((a, phi.name) if b == psi else (a, b) for a, b in kept)
         return Tree(nodes, (*after_all, (phi.name, psi)))
     for old in tree.predecessors(psi):
-        if _alike(old, phi) and not place.apart:
+        if _alike(old, phi) and not place.apart and not _serves_a_loop(tree, old, phi, psi):
             plain = replace(old, circular=False) if phi.circular else old
             single = tuple(plain if n.name == old.name else n for n in nodes)
             rerouted = tuple((old.name, phi.name) if edge == (old.name, psi) else edge for edge in kept)
@@ -185,6 +186,14 @@ def _alike(old: Node, phi: Node) -> bool:
     if phi.circular and old.circular:
         return phi.role == old.role
     return mine == set(free_vars(old.predicate)) or (old.circular and old.role in mine)
+
+
+def _serves_a_loop(tree: Tree, old: Node, phi: Node, psi: str) -> bool:
+    """Whether a loop before ψ is about what a predecessor brings about, a tool in the hand, say, which φ puts away."""
+    loops = [node for node in tree.predecessors(psi) if node.circular]
+    services = [part for loop in loops for part in (loop, *tree.below(loop.name))]
+    mine = set(free_vars(old.predicate))
+    return not (old.circular or phi.circular) and any(mine & set(free_vars(part.predicate)) for part in services)
 
 
 def validate(tree: Tree, first_steps: Callable[[Node, str], tuple[IntArray, IntArray]]) -> Fail | None:

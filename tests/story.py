@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from roboscribe.classifier import Refinement
-from roboscribe.dsl.syntax import Program, Seq
+from roboscribe.dsl.syntax import Program, Seq, Statement
 from roboscribe.errors import Fail
 from roboscribe.search.candidates import Candidate
 from roboscribe.steps import Decision, Failure, Outcome, Steps
@@ -52,6 +52,7 @@ class Story:
         invalid: by subgoal, why no tree with it can be right.
         unwritable: by subgoal, why no program has it.
         stuck: by goal and subgoals there are, the subgoal that the failing episodes were stuck at.
+        bodies: by all subgoals there are, the program's statements; none if not listed.
         explained: by all subgoals there are, how many of 20 demonstrations the program explains; all if not listed.
         later: by goal and subgoals, how many succeed after each further training; better until the last.
     """
@@ -61,6 +62,7 @@ class Story:
     invalid: Mapping[str, Fail] = field(default_factory=dict)
     unwritable: Mapping[str, Fail] = field(default_factory=dict)
     stuck: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    bodies: Mapping[str, Statement] = field(default_factory=dict)
     explained: Mapping[str, int] = field(default_factory=dict)
     later: Mapping[tuple[str, str], Sequence[int]] = field(default_factory=dict)
     asked: list[tuple[str, str]] = field(default_factory=list)
@@ -71,7 +73,7 @@ class Story:
     def steps(self) -> Steps[int]:
         """Build steps that follow the story; skills are a count of trainings."""
         return Steps(
-            generate=lambda goal, tree: self._first(self.unwritable, tree) or Program(f"{goal}:{_names(tree)}", Seq()),
+            generate=self.generate,
             train=lambda program, goal, tree, skills: skills + 1,
             roll_out=self.roll_out,
             classify=self.classify,
@@ -83,6 +85,11 @@ class Story:
             unfinished=lambda _: self.asked.count(self.asked[-1]) <= len(self.later.get(self.asked[-1], ())),
             tell=self.tell,
         )
+
+    def generate(self, goal: str, tree: Tree) -> Program | Fail:
+        """Write a program that says what it was written for."""
+        body = self.bodies.get(_names(tree), Seq())
+        return self._first(self.unwritable, tree) or Program(f"{goal}:{_names(tree)}", body)
 
     def tell(self, decision: Decision) -> None:
         """Hear what is decided; a search that goes on for ever is stopped."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
-from roboscribe.dsl.syntax import And, Program, Seq
+from roboscribe.dsl.syntax import And, Program, Robot, Run, Seq, Truth
 from roboscribe.errors import Fail
 from roboscribe.steps import Outcome, Removed
 from roboscribe.subtask_tree import ROOT, TRUE, Tree
@@ -92,6 +92,15 @@ def test_a_loop_is_not_attempted_before_something_precedes_it() -> None:
     )
     solved(story)
     assert story.asked == [(ROOT, ""), ("hold", "at hold"), ("at", "at hold"), (ROOT, "at hold")]
+
+
+def test_a_loop_that_another_branch_precedes_in_the_program_is_attempted() -> None:
+    """A mug is held; then it is brought to every lamp that is lit."""
+    runs = tuple(Run(name, (Robot(),), Truth()) for name in ("hold", "at"))
+    reached = {("hold", "hold"): 20, ("at", "hold at"): 20, **root(20, "hold at")}
+    story = Story(reached, {ROOT: [HOLD1, LOOP1], "at": [OTHER]}, bodies={"hold at": Seq(runs)})
+    solved(story)
+    assert story.asked == [(ROOT, ""), ("hold", "hold"), (ROOT, "hold"), ("at", "hold at"), (ROOT, "hold at")]
 
 
 def test_a_loop_that_needs_nothing_is_attempted() -> None:

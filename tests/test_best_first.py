@@ -216,6 +216,12 @@ def test_what_was_trained_again_in_vain_remains_where_nothing_better_is_found_fo
     assert solved(replace(story, asked=[], told=[]), Limits(patience=30)).rate == 1.0
 
 
+def test_the_first_program_that_is_good_enough_is_kept_however_little_better_it_is() -> None:
+    reached = {("at", "at"): 20, ("hold", "at hold"): 20, ("at", "at hold"): 20}
+    story = Story({**reached, **root(18, "at"), **root(19, "at hold")}, {ROOT: [AT1, HOLD1]})
+    assert solved(story, Limits(success=0.98)).rate == 0.95
+
+
 def test_what_fails_hardly_more_often_than_is_allowed_remains_once_it_was_trained_again_in_vain() -> None:
     reached = {("at", "at"): 20, ("other", "other"): 20}
     story = Story({**reached, **root(15, "at"), **root(20, "other")}, {ROOT: [AT1, OTHER]})

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from roboscribe.dsl.parser import parse_predicate
 from roboscribe.dsl.syntax import Exists, Not
 from roboscribe.errors import Fail
 from roboscribe.subtask_tree import ROOT, TRUE, Node, Place, Tree, update_tree, validate
@@ -117,6 +118,14 @@ def test_what_a_loop_needs_but_does_not_do_for_each_entity_comes_before_it() -> 
         assert set(hoisted.edges) == edges(("hold", "at"), ("open",))
         assert circular(hoisted) == {"at"}
         assert hoisted.loop_around("open") is None
+
+
+def test_what_puts_a_tool_away_takes_nothing_from_the_loop_that_needs_it() -> None:
+    """The brush is held, every panel is painted with it, then the brush is laid down."""
+    painted = Node("phi", parse_predicate("‖d1↓xz − b1↓xz‖ < 0.1"), circular=True, over="b1")
+    tree = update_tree(update_tree(Tree(), painted, ROOT), node("hold", HOLD, "d1"), "phi")
+    assert set(tree.edges) == edges(("phi",), ("hold",))
+    assert set(update_tree(tree, node("at", AT, "d1"), ROOT).edges) == edges(("phi",), ("hold",), ("at",))
 
 
 def test_what_a_loop_needs_of_nobody_in_particular_stays_within() -> None:
