@@ -86,10 +86,10 @@ def learn_classifier(negatives: FloatArray, evidence: Evidence, tree: Tree, psi:
         recurring = [] if found else list(_recurring(samples, evidence, tree, psi, several=True))
         others = {str(c.predicate) for c in found if c.possible}
         found += [c for c in rank_predicates(part.features, samples, recurring) if str(c.predicate) not in others]
-    samples = _samples(_Part(crossings, features, tuple(tree.below(psi))), negatives, evidence, tree, psi, features)
-    found += [c for c in _recurring(samples, evidence, tree, psi, several=False) if c.possible]
     if not any(c.possible for c in found):
-        found += learn_decision_tree(features, samples)
+        samples = _samples(_Part(crossings, features, tuple(tree.below(psi))), negatives, evidence, tree, psi, features)
+        depending = [c for c in _recurring(samples, evidence, tree, psi, several=False) if c.possible]
+        found += depending or learn_decision_tree(features, samples)
     table = tuple(sorted((c for c in found if c.possible), key=lambda c: c.rank))
     if not table:
         return Fail(
