@@ -146,7 +146,10 @@ class Line(Generic[Skills]):
     def _attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome] | Fail:
         search, steps = self.search, self.search.steps
         if search.trained >= search.limits.programs:
-            return Fail(f"the budget of {search.limits.programs} trained programs is spent")
+            return Fail(
+                f"the budget of {search.limits.programs} trained programs is spent; "
+                f"`--set limits.programs={2 * search.limits.programs}` allows for more"
+            )
         skills, outcome = search.train(program, psi, tree, skills)
         in_vain = False
         while psi == ROOT and not in_vain and search.is_getting_better(skills, outcome):
@@ -253,7 +256,10 @@ class _Options(Generic[Skills]):
         if rank < len(self.found):
             return self.found[rank]
         reasons = "; ".join(f"{phi}: {why}" for phi, why in self.passed[:3])
-        return Fail(f"no other subgoal is left to try ({reasons or 'none separates'})")
+        return Fail(
+            f"no other subgoal is left to try ({reasons or 'none separates'}); another attribute, or more "
+            f"demonstrations, may offer one, and a larger `--budget` teaches better what was tried"
+        )
 
     def next_is_alike(self, rank: int) -> bool:
         """Whether the next row of the table is worse than the subgoal at `rank` by degrees alone."""

@@ -148,7 +148,7 @@ def test_no_more_programs_are_trained_than_the_budget_allows() -> None:
 def test_a_budget_without_any_program_that_worked_once_is_a_failure() -> None:
     story = Story({("at", "at"): 20}, {ROOT: [AT1]})
     answer = roboscribe(story.steps(), 0, Limits(programs=2))
-    assert answer == Fail("the budget of 2 trained programs is spent")
+    assert answer == Fail("the budget of 2 trained programs is spent; `--set limits.programs=4` allows for more")
 
 
 def test_a_program_that_may_be_good_enough_is_kept_while_a_better_one_is_sought() -> None:
