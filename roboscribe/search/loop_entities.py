@@ -199,8 +199,13 @@ def _growing(ends: FloatArray) -> list[_Ends]:
     ordered, found = list[float](), list[_Ends]()
     for end in ends.tolist():
         insort(ordered, end)
-        found.append(_Ends(ordered[0], _quantile(ordered, 1.0 - AGREEMENT), _quantile(ordered, AGREEMENT), ordered[-1]))
+        found.append(_where(ordered))
     return found
+
+
+def _where(ordered: Sequence[float]) -> _Ends:
+    """Say where entities end, given the rising numbers."""
+    return _Ends(ordered[0], _quantile(ordered, 1.0 - AGREEMENT), _quantile(ordered, AGREEMENT), ordered[-1])
 
 
 def _quantile(ordered: Sequence[float], share: float) -> float:
@@ -222,7 +227,7 @@ def _between_two(reading: Reading, ends: FloatArray) -> Iterator[_Range]:
     inside = (values > low) & (values < high)
     if inside.any() and not inside.all():
         only = And(reading.feature.above(low), reading.feature.below(high))
-        within, others = _growing(ends[inside])[-1], _growing(ends[~inside])[-1]
+        within, others = _where(sorted(ends[inside])), _where(sorted(ends[~inside]))
         yield _range(only, log2(comb(len(ends), int(inside.sum()))), within, others, float(np.ptp(ends)))
 
 
@@ -239,7 +244,7 @@ def _superlatives(reading: Reading, ends: FloatArray, pairs: Pairs) -> Iterator[
         (Less(theirs, mine), reading.initial.argmin(axis=0)),
     ):
         chosen = (np.arange(count)[:, None] == best).ravel()
-        those, others = _growing(ends[chosen])[-1], _growing(ends[~chosen])[-1]
+        those, others = _where(sorted(ends[chosen])), _where(sorted(ends[~chosen]))
         rest = Exists(other, kind, surpassed)
         yield _range(Not(rest), bits, those, others, float(np.ptp(ends)))
         yield _range(rest, bits, others, those, float(np.ptp(ends)))
