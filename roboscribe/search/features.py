@@ -204,8 +204,6 @@ def _differences(one: _Shown, other: _Shown, attribute: Attribute) -> Iterator[F
     for rank in range(attribute.width):
         for near, far in product(one.at(attribute, (rank,)), other.at(theirs, (rank,))):
             yield Feature(Diff(near, far), family=family, unit=attribute.unit)
-            if attribute.width > 1 and not isinstance(one.item, Robot):  # who lines things up goes anywhere meanwhile
-                yield Feature(Norm(Diff(near, far)), family=family, unit=attribute.unit)
     whole = tuple(range(attribute.width))
     for ranks in dict.fromkeys((attribute.plane or whole, whole)):
         for near, far in product(one.at(attribute, ranks), other.at(theirs, ranks)):

@@ -232,18 +232,22 @@ def _between_two(reading: Reading, ends: FloatArray) -> Iterator[_Range]:
 
 
 def _superlatives(reading: Reading, ends: FloatArray, pairs: Pairs) -> Iterator[_Range]:
-    """Yield the greatest and the least entity of each demonstration, and all but either."""
+    """Yield the greatest and the least entities of each demonstration, and all but either."""
     count, mine = len(pairs.members), reading.feature.term
     if count < 2 or free_vars(mine) != (pairs.entity,):
         return
     kind = pairs.layout.entities[pairs.members[0]].name
     other = Var(f"{pairs.layout.letter(kind)}'")
-    theirs, bits = rename(mine, {pairs.entity: other.name}), len(pairs.starts) * log2(count)
+    theirs = rename(mine, {pairs.entity: other.name})
     for surpassed, best in (
-        (Less(mine, theirs), reading.initial.argmax(axis=0)),
-        (Less(theirs, mine), reading.initial.argmin(axis=0)),
+        (Less(mine, theirs), reading.initial.max(axis=0)),
+        (Less(theirs, mine), reading.initial.min(axis=0)),
     ):
-        chosen = (np.arange(count)[:, None] == best).ravel()
+        chosen = reading.initial == best
+        if chosen.all():
+            continue
+        bits = sum(log2(comb(count, number)) for number in chosen.sum(axis=0).tolist())
+        chosen = chosen.ravel()
         those, others = _where(sorted(ends[chosen])), _where(sorted(ends[~chosen]))
         rest = Exists(other, kind, surpassed)
         yield _range(Not(rest), bits, those, others, float(np.ptp(ends)))

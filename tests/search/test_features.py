@@ -40,12 +40,6 @@ def test_expressions_of_the_paper_are_offered(expected: str) -> None:
     assert expected in texts(ONE, "b1")
 
 
-def test_things_may_be_lined_up_along_one_axis() -> None:
-    offered = texts(ONE, "b1")
-    assert "‖b1↓x − g(b1)↓x‖" in offered
-    assert "‖μ↓x − b1↓x‖" not in offered
-
-
 def test_speeds_are_no_subgoals() -> None:
     assert not any("v" in text for text in texts(ONE, "b1"))
 

@@ -219,3 +219,9 @@ def test_what_is_done_to_a_single_entity_may_depend_on_how_it_compares_with_anot
     assert isinstance(loop.only, Less)
     assert str(loop.only.left) == "b1↓s − l1↓s"
     assert loop.possible
+
+
+def test_where_all_are_alike_none_is_the_greatest() -> None:
+    levels = np.repeat(np.random.default_rng(2).random((DEMONSTRATIONS, 1)), 3, axis=1)
+    ends = np.where(np.arange(3) == 0, 0.0, 0.98) * np.ones((DEMONSTRATIONS, 1))
+    assert not set(told_apart(levels, ends)) - {"true"}

@@ -75,10 +75,9 @@ class Aim:
     Args:
         attribute: which one.
         to: "goal" (within its tolerance), "above" or "below" a value, "right of" it along the first axis, "risen" by a
-            value since the start, "inside" a container, within `value` of its position, or in "line" with another
-            thing, within `value` of it along the first axis.
+            value since the start, or "inside" a container, within `value` of its position.
         value: of all but the first.
-        of: the container's, or the other thing's kind.
+        of: the container's kind.
     """
 
     attribute: str = "position"

@@ -238,10 +238,6 @@ def target(task: KinematicTask, state: FloatArray, aim: Aim, entity: int, offset
         case "inside":
             (container,) = task.of_kind(aim.of)
             return np.asarray(state[task.place(container)] + offset * aim.value)
-        case "line":
-            (post,) = task.of_kind(aim.of)
-            x = state[task.place(post)][0] + offset[0] * aim.value
-            return np.array([x, *state[task.place(entity)][1:]])
         case "below":
             return np.array([0.3 * aim.value])
         case "right of":

@@ -28,7 +28,6 @@ from tests.quality.bench.shapes import (
     MUG_ON_COASTER,
     OPEN,
     PLACE,
-    POST,
     PULL,
     PUSH_BUTTON,
     PUSHED,
@@ -241,12 +240,6 @@ TASKS: tuple[KinematicTask, ...] = (
         (Kind("block", 4, goal=()),),
         (Phase("block", (Aim("position", "right of", 0.7),)),),
         plane="xy",
-    ),
-    KinematicTask(
-        "line-up-with-the-post",
-        "own",
-        (POST, Kind("block", 3, goal=())),
-        (Phase("block", (Aim("position", "line", 0.03, "post"),)),),
     ),
     KinematicTask(
         "lighter-than-the-scale",

@@ -186,9 +186,6 @@ def met(task: KinematicTask, aim: Aim, v: str) -> str:
             return f"‖{mine} − g({v})↓{field}‖ < {EXACT * aim.tolerance:.3g}"
         case "inside":
             return f"‖{mine} − {_letter(task, aim.of)}↓{field}‖ < {0.8 * aim.value:.3g}"
-        case "line":
-            x = task.plane[0]
-            return f"‖{v}↓{x} − {_letter(task, aim.of)}↓{x}‖ < {0.8 * aim.value:.3g}"
         case "below":
             return f"{mine} < {0.8 * aim.value:.3g}"
         case "right of":

@@ -29,7 +29,6 @@ BARE_MUG = Kind("mug", goal=())
 COASTER = Kind("coaster", moves="fixed", goal=())
 LEFT, MIDDLE, RIGHT = (Kind(name, moves="fixed", goal=()) for name in ("left", "middle", "right"))
 SCALE = Kind("scale", moves="fixed", goal=(), constants=("weight",))
-POST = Kind("post", goal=())
 LAMP = Kind("lamp", moves="fixed", goal=(), constants=("lit",))
 
 SERVE_BLOCKS = Phase("block")

@@ -116,9 +116,6 @@ class KinematicTask(Task):
             case "inside":
                 (container,) = self.of_kind(aim.of)
                 return _length(value - states[..., self.place(container)], aim) < share * aim.value
-            case "line":
-                (post,) = self.of_kind(aim.of)
-                return np.asarray(np.abs(value[..., 0] - states[..., self.place(post)][..., 0]) < share * aim.value)
             case "below":
                 return np.asarray(value[..., 0] < aim.value - (1 - share) * aim.value / 2)
             case "right of":
