@@ -105,10 +105,10 @@ class Search(Generic[Skills]):
 
     def keep(self, found: Solution[Skills], choices: tuple[int, ...] = ()) -> None:
         """Remember a solution, and the choices of its line, if it is better than the best so far, or good enough."""
-        if self.best is None or found.outcome.beats(self.best.outcome) or self._is_the_first_to_do(found):
+        if self.best is None or found.outcome.beats(self.best.outcome) or self._is_first_good_enough(found):
             self.best, self.best_choices, self.since = found, choices, self.trained
 
-    def _is_the_first_to_do(self, found: Solution[Skills]) -> bool:
+    def _is_first_good_enough(self, found: Solution[Skills]) -> bool:
         best = self.best
         return best is not None and self.limits.met(found.outcome) and not self.limits.met(best.outcome)
 

@@ -44,7 +44,7 @@ def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray
     Source: Sec. 4.5.
     """
     mine, theirs = (evidence.first_steps(node.lifted(evidence.types)) for node in (one, other))
-    both = (mine < NEVER) & (theirs < NEVER)
+    both = finish_both(mine, theirs)
     first, starts = (mine < theirs)[both], evidence.states[evidence.starts][both]
     names = (*one.entities, *other.entities)
     tests = sorted(_cross_comparisons(evidence, names), key=lambda p: (size(p), str(p)))
@@ -57,6 +57,11 @@ def order_condition(evidence: Evidence, one: Node, other: Node, chosen: IntArray
         or _shorter_distance(evidence, one, other, first, _at_choice(evidence, chosen)[both])
         or unexplained
     )
+
+
+def finish_both(one: IntArray, other: IntArray) -> BoolArray:
+    """Tell which demonstrations (D,) finish two branches, given the steps at which they do."""
+    return (one < NEVER) & (other < NEVER)
 
 
 def _bits(first: BoolArray, wrong: int) -> float:

@@ -8,7 +8,7 @@ from itertools import combinations, permutations
 
 import numpy as np
 
-from roboscribe.branch_condition import order_condition
+from roboscribe.branch_condition import finish_both, order_condition
 from roboscribe.branch_threshold import left_behind
 from roboscribe.dsl.rewrite import conjunction, free_vars, fresh, rename, seq, walk
 from roboscribe.dsl.syntax import (
@@ -35,8 +35,8 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.loop_guard import entity_choice, predicate_synthesis
 from roboscribe.subtask_tree import ROOT, Node, Tree
-from roboscribe.world.layout import BoolArray, IntArray
-from roboscribe.world.trajectory import AGREEMENT, NEVER
+from roboscribe.world.layout import IntArray
+from roboscribe.world.trajectory import AGREEMENT
 
 OPAQUE = "R"
 """Name of the controller that is asked to reach ψ_R without any subgoal."""
@@ -88,7 +88,7 @@ class _Writer:
 
         Source: Algorithm 5, lines 8-19.
         """
-        repeats = node.circular and not is_choice(node, self.evidence)
+        repeats = node.circular and not _is_choice(node, self.evidence)
         outside = self.straight.pop(node.role, None) if repeats else None  # a loop's variable is its own
         body = self.predecessors(node.name)
         if isinstance(body, Fail) or (self.done and not repeats):
@@ -132,7 +132,7 @@ class _Writer:
             if len(nodes) > 2 and self.done and node.name != self.goal:
                 return seq(*branches)
             self.done = self.done or reached
-        depending = [is_choice(node, self.evidence) for node in nodes]
+        depending = [_is_choice(node, self.evidence) for node in nodes]
         if all(depending):
             return self.alternatives(nodes, branches)
         branches = [
@@ -256,7 +256,7 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
     apart = {
         (a.name, b.name)
         for a, b in permutations(nodes, 2)
-        if is_choice(a, evidence) and is_choice(b, evidence) and not _both(first[a.name], first[b.name]).any()
+        if _is_choice(a, evidence) and _is_choice(b, evidence) and not finish_both(first[a.name], first[b.name]).any()
     }
     for one, other in (pair for pair in varied if (pair[0].name, pair[1].name) not in apart):
         chosen = _chosen(first, one.name, other.name)
@@ -271,18 +271,13 @@ def branch_order(evidence: Evidence, nodes: Sequence[Node]) -> Order:
     return Order(tuple(groups), conditions)
 
 
-def _both(one: IntArray, other: IntArray) -> BoolArray:
-    """Tell which demonstrations (D,) finish two branches, given the steps at which they do."""
-    return (one < NEVER) & (other < NEVER)
-
-
 def _ahead(one: IntArray, other: IntArray) -> float:
     """Return the share of the demonstrations that finish one of two branches first, among those that finish both."""
-    both = _both(one, other)
+    both = finish_both(one, other)
     return float(np.mean(one[both] < other[both])) if both.any() else 0.5
 
 
-def is_choice(node: Node, evidence: Evidence) -> bool:
+def _is_choice(node: Node, evidence: Evidence) -> bool:
     """Tell whether a circular node is about the only entity of its type: it is done or not, and never again."""
     return node.circular and len(evidence.layout.of_type(evidence.types[node.role])) == 1
 

@@ -74,9 +74,13 @@ def _can_be_screened(training: ProgramTraining, job: SkillJob, skills: Mapping[s
 
 def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:
     """Tell whether what was cloned for a subgoal's program mostly fails, so that its loop shows no later iterations."""
-    config = training.config
-    failing = any(mostly_fails(config, report.success, report.starts) for report in reports)
-    return failing and config.profile == "actions" and not training.solve
+    failing = any(mostly_fails(training.config, report.success, report.starts) for report in reports)
+    return failing and _may_lack_a_subgoal(training)
+
+
+def _may_lack_a_subgoal(training: ProgramTraining) -> bool:
+    """Tell whether failing clones may be a missing subgoal's fault: they do as was shown, on the way to the task."""
+    return training.config.profile == "actions" and not training.solve
 
 
 def never_together(training: ProgramTraining, reports: Sequence[SkillReport], success: BoolArray) -> bool:
@@ -86,7 +90,7 @@ def never_together(training: ProgramTraining, reports: Sequence[SkillReport], su
     """
     rates = {report.controller: report.success for report in reports if report.starts}
     measured = all(run.controller in rates for run in training.runs)
-    if success.any() or not measured or training.solve or training.config.profile != "actions":
+    if success.any() or not measured or not _may_lack_a_subgoal(training):
         return False
     expected = prod(rates[run.controller] ** max(1, training.repetitions(run)) for run in training.runs)
     return bool((1 - expected) ** len(success) < BY_CHANCE)

@@ -238,7 +238,7 @@ def _superlatives(reading: Reading, ends: FloatArray, pairs: Pairs) -> Iterator[
         return
     kind = pairs.layout.entities[pairs.members[0]].name
     other = Var(f"{pairs.layout.letter(kind)}'")
-    theirs = rename(mine, {pairs.entity: other.name})
+    theirs, whole = rename(mine, {pairs.entity: other.name}), float(np.ptp(ends))
     for surpassed, best in (
         (Less(mine, theirs), reading.initial.max(axis=0)),
         (Less(theirs, mine), reading.initial.min(axis=0)),
@@ -250,8 +250,8 @@ def _superlatives(reading: Reading, ends: FloatArray, pairs: Pairs) -> Iterator[
         chosen = chosen.ravel()
         those, others = _where(sorted(ends[chosen])), _where(sorted(ends[~chosen]))
         rest = Exists(other, kind, surpassed)
-        yield _range(Not(rest), bits, those, others, float(np.ptp(ends)))
-        yield _range(rest, bits, others, those, float(np.ptp(ends)))
+        yield _range(Not(rest), bits, those, others, whole)
+        yield _range(rest, bits, others, those, whole)
 
 
 def middle(low: float, high: float) -> float:

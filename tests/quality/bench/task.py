@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,6 +17,8 @@ from tests.quality.bench.data import UNITS, Aim, Kind, Phase
 if TYPE_CHECKING:
     from tests.quality.bench.world import KinematicWorld
 
+COMPARED: Mapping[str, np.ufunc] = {"<": np.less, ">": np.greater, "is": np.equal, "not": np.not_equal}
+"""What `Phase.only` may say between an attribute and what it is compared with."""
 HORIZON = 2000
 """Control steps of an episode; rollouts are cut at some lengths of the longest demonstration."""
 
@@ -144,21 +147,20 @@ class KinematicTask(Task):
         answer = np.ones(states.shape[:-1], dtype=np.bool_)
         for attribute, sign, value in (bound.split() for bound in phase.bounds):
             mine = states[..., self.place(entity, attribute)][..., 0]
-            if value == "greatest":
-                others = (states[..., self.place(e, attribute)][..., 0] for e in self.of_kind(phase.kind))
-                answer &= (mine == np.max(list(others), axis=0)) == (sign == "is")
-                continue
-            theirs = self._bound(states, value)
-            answer &= mine < theirs if sign == "<" else mine > theirs
+            answer &= COMPARED[sign](mine, self._bound(states, phase.kind, attribute, value))
         return answer
 
-    def _bound(self, states: FloatArray, value: str) -> FloatArray:
-        """Read a number, or that of another kind's only object, such as "scale.weight"."""
-        owner, _, attribute = value.partition(".")
+    def _bound(self, states: FloatArray, kind: str, attribute: str, value: str) -> FloatArray:
+        """Read a number, that of another kind's only object, such as "scale.weight", or the "greatest" of a kind."""
+        if value == "greatest":
+            return np.asarray(
+                np.max([states[..., self.place(e, attribute)][..., 0] for e in self.of_kind(kind)], axis=0)
+            )
+        owner, _, theirs = value.partition(".")
         if owner.lstrip("-").isdigit():
             return np.asarray(float(value))
         (entity,) = self.of_kind(owner)
-        return np.asarray(states[..., self.place(entity, attribute)][..., 0])
+        return np.asarray(states[..., self.place(entity, theirs)][..., 0])
 
     def done(self, states: FloatArray, phase: Phase) -> BoolArray:
         """Whether a phase is over."""
