@@ -26,6 +26,7 @@ from roboscribe.stages.runtime.events import (
     Failed,
     Filmed,
     Ingested,
+    Loosened,
     Packaged,
     Programmed,
     Refined,
@@ -66,7 +67,7 @@ class SynthesisConsole(ProgressBar):
                     self.say(f"  {training_line(report)}")
             case RolledOut(goal, counts, _):
                 self.say(f"  {self._tried} reached {tried_line(goal, counts)}")
-            case Refined() | Abandoned() | Retrained() | Removed():
+            case Refined() | Abandoned() | Retrained() | Loosened() | Removed():
                 self._decided(event)
             case Failed(reason):
                 self.say(f"FAIL: {reason}", "bold red")
@@ -79,7 +80,7 @@ class SynthesisConsole(ProgressBar):
             case _:
                 assert_never(event)
 
-    def _decided(self, event: Refined | Abandoned | Retrained | Removed) -> None:
+    def _decided(self, event: Refined | Abandoned | Retrained | Loosened | Removed) -> None:
         match event:
             case Refined():
                 self._refined(event)
@@ -87,6 +88,10 @@ class SynthesisConsole(ProgressBar):
                 self.say(f"another line is taken up, for {reason}", "yellow")
             case Retrained(success):
                 self.say(f"a promising program, at {success:.0%}, is trained on", "yellow")
+            case Loosened(subgoal, predicate, success):
+                self.say(
+                    f"{subgoal} asks for less: with {text(predicate)} {success:.0%} of the episodes succeed", "cyan"
+                )
             case Removed(subgoal, success):
                 self.say(f"{subgoal} is taken out again: without it {success:.0%} of the episodes succeed", "cyan")
             case _:

@@ -30,7 +30,8 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
 
     Source:  Algorithm 1.
     Departs: no choice of a subgoal is final. Algorithm 2 is run again with another choice, the likeliest first, until a
-        program is good enough or the budget is spent; what was done once is remembered. Controllers of a promising
+        program is good enough or the budget is spent; what was done once is remembered. A subgoal that most failing
+        episodes were stuck at asks for less where a promising program is better with that. Controllers of a promising
         program that were still getting better are trained on before it is refined; before a line gives up all that it
         stands on, or when it hardly fails any more, they are trained once more.
         At the end subgoals that do not help are removed.
@@ -80,21 +81,18 @@ def synthesize(
             return _through(psi, refined, skills, line, blind)
         if line.exhausted:
             return refined
-    if isinstance(program, Fail):
-        return program
-    tried = line.attempt(program, psi, tree, skills)
-    if isinstance(tried, Fail):
-        return tried
-    skills, outcome = tried
-    solution = Solution(program, tree, skills, outcome)
+    found = program if isinstance(program, Fail) else line.attempt(program, psi, tree, skills)
+    if isinstance(found, Fail):
+        return found
+    outcome = found.outcome
     likely = line.limits.undecided(outcome) if psi == ROOT else outcome.rate >= PROMISING
     if line.limits.met(outcome) or (likely and line.goes_on()):
-        return solution
+        return found
     blind = outcome.failures() if blind is None else blind
-    refined = _refine(psi, solution, line, blind)
+    refined = _refine(psi, found, line, blind)
     if isinstance(refined, Fail):
-        return _unexplained(psi, solution, refined, line, tried=likely)
-    return _through(psi, refined, skills, line, blind)
+        return _unexplained(psi, found, refined, line, tried=likely)
+    return _through(psi, refined, found.skills, line, blind)
 
 
 def _is_bare_loop(psi: str, tree: Tree, program: Program | Fail) -> bool:
@@ -132,10 +130,9 @@ def _unexplained(
         return failed
     better = True
     while better and not line.limits.met(found.outcome):
-        trained = line.attempt(found.program, psi, found.tree, found.skills)
-        if isinstance(trained, Fail):
+        again = line.attempt(found.program, psi, found.tree, found.skills)
+        if isinstance(again, Fail):
             return found
-        again = Solution(found.program, found.tree, *trained)
         better = again.outcome.interval[0] > found.outcome.interval[1]
         found = again if again.rate >= found.rate else found
     return found if found.outcome.successes else failed

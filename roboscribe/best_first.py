@@ -10,8 +10,8 @@ from typing import Generic, TypeVar
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.syntax import Predicate, Program
 from roboscribe.errors import Fail
-from roboscribe.steps import Limits, Outcome, Refined, Retrained, Skills, Solution, Steps
-from roboscribe.subtask_tree import ROOT, Tree
+from roboscribe.steps import Limits, Loosened, Outcome, Refined, Retrained, Skills, Solution, Steps
+from roboscribe.subtask_tree import ROOT, Node, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import AGREEMENT
 
@@ -19,6 +19,8 @@ T = TypeVar("T")
 TRIED, PRECEDES = "trained and did not help", "comes before the goal already"
 BY_DEGREES, IN_KIND = 1, 2
 """What a choice gives away that takes the next best: hardly anything where it is worse by degrees alone."""
+UNTRIED = Outcome(0, 1)
+"""Of a program that was not run yet."""
 PROMISING = 0.5
 """Share of the episodes from which on a program that reaches its goal may owe its failures to its controllers, and from
 which on one without any subgoal is better than none."""
@@ -89,19 +91,40 @@ class Search(Generic[Skills]):
         assert best is not None
         self.trained_again = best
         self.steps.tell(Retrained(best.outcome.rate))
-        skills, outcome = self.train(best.program, ROOT, best.tree, best.skills)
-        self.keep(replace(best, skills=skills, outcome=outcome), self.best_choices)
+        self.keep(self.train(ROOT, best), self.best_choices)
 
-    def train(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome]:
+    def train(self, psi: str, untrained: Solution[Skills]) -> Solution[Skills]:
         """TRAINPROGRAM and Exec(M, P); counts against the budget."""
         self.trained += 1
-        skills = self.steps.train(program, psi, tree, skills)
-        return skills, self.steps.roll_out(program, psi, skills)
+        program, tree = untrained.program, untrained.tree
+        skills = self.steps.train(program, psi, tree, untrained.skills)
+        found = replace(untrained, skills=skills, outcome=self.steps.roll_out(program, psi, skills))
+        while self._is_promising(found) and (looser := self._looser(psi, found)) is not None:
+            found = looser
+        return found
 
-    def is_getting_better(self, skills: Skills, outcome: Outcome) -> bool:
+    def _is_promising(self, found: Solution[Skills]) -> bool:
+        return found.outcome.rate >= PROMISING and not self.limits.met(found.outcome)
+
+    def _looser(self, psi: str, found: Solution[Skills]) -> Solution[Skills] | None:
+        """Loosen the subgoal that most failing episodes were stuck at; None where that does not help."""
+        best: tuple[Node, Solution[Skills]] | None = None
+        for node, tree in self.steps.looser(found.outcome, found.tree):
+            if node.name == psi or isinstance(possible_program(tree, self.steps), Fail):
+                continue
+            program = self.steps.generate(psi, tree)
+            assert isinstance(program, Program)  # it differs from the present one by a number
+            outcome = self.steps.roll_out(program, psi, found.skills)
+            if outcome.beats(found.outcome if best is None else best[1].outcome):
+                best = node, replace(found, program=program, tree=tree, outcome=outcome)
+        if best is None:
+            return None
+        self.steps.tell(Loosened(best[0].name, best[0].predicate, best[1].rate))
+        return best[1]
+
+    def is_getting_better(self, found: Solution[Skills]) -> bool:
         """Whether a promising program's controllers were still getting better when their steps ran out."""
-        promising = outcome.rate >= PROMISING and not self.limits.met(outcome)
-        return promising and self.trained < self.limits.programs and self.steps.unfinished(skills)
+        return self._is_promising(found) and self.trained < self.limits.programs and self.steps.unfinished(found.skills)
 
     def keep(self, found: Solution[Skills], choices: tuple[int, ...] = ()) -> None:
         """Remember a solution, and the choices of its line, if it is better than the best so far, or good enough."""
@@ -139,30 +162,29 @@ class Line(Generic[Skills]):
         """GENPROGRAM."""
         return self._once(lambda: self.search.steps.generate(psi, tree))
 
-    def attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome] | Fail:
-        """TRAINPROGRAM and Exec(M, P)."""
+    def attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> Solution[Skills] | Fail:
+        """TRAINPROGRAM and Exec(M, P); a subgoal may ask for less than before where that helps."""
         return self._once(lambda: self._attempt(program, psi, tree, skills))
 
-    def _attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> tuple[Skills, Outcome] | Fail:
+    def _attempt(self, program: Program, psi: str, tree: Tree, skills: Skills) -> Solution[Skills] | Fail:
         search, steps = self.search, self.search.steps
         if search.trained >= search.limits.programs:
             return Fail(
                 f"the budget of {search.limits.programs} trained programs is spent; "
                 f"`--set limits.programs={2 * search.limits.programs}` allows for more"
             )
-        skills, outcome = search.train(program, psi, tree, skills)
+        found = search.train(psi, Solution(program, tree, skills, UNTRIED, tuple(self.refinements)))
         in_vain = False
-        while psi == ROOT and not in_vain and search.is_getting_better(skills, outcome):
-            steps.tell(Retrained(outcome.rate))
-            again = search.train(program, psi, tree, skills)
-            in_vain = not again[1].beats(outcome)
-            skills, outcome = (skills, outcome) if in_vain else again
+        while psi == ROOT and not in_vain and search.is_getting_better(found):
+            steps.tell(Retrained(found.rate))
+            again = search.train(psi, found)
+            in_vain = not again.outcome.beats(found.outcome)
+            found = found if in_vain else again
         blind = tree == Tree()
-        if psi == ROOT and outcome.successes and (not blind or outcome.rate >= PROMISING):
-            found = Solution(program, tree, skills, outcome, tuple(self.refinements))
+        if psi == ROOT and found.outcome.successes and (not blind or found.rate >= PROMISING):
             search.keep(found, self.taken)
             search.trained_again = found if in_vain and search.best is found else search.trained_again
-        return skills, outcome
+        return replace(found, refinements=())
 
     def goes_on(self) -> bool:
         """Whether a subgoal that is reached often, but not often enough, is taken as it is."""

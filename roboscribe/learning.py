@@ -18,12 +18,24 @@ from roboscribe.grounding import CHECKED, LastTraining, ground, grounds, settled
 from roboscribe.io.atomic import Json
 from roboscribe.io.demonstrations import Demonstrations
 from roboscribe.io.validation import screen
+from roboscribe.loosening import looser
 from roboscribe.policy import Policy, task_named
 from roboscribe.programs import program_name, saved_form
 from roboscribe.rl.config import Profile, TrainConfig
 from roboscribe.rl.program_training import step_limits
 from roboscribe.runnable import Runnable
-from roboscribe.steps import Abandoned, Decision, Limits, Outcome, Refined, Removed, Retrained, Steps, pure_steps
+from roboscribe.steps import (
+    Abandoned,
+    Decision,
+    Limits,
+    Loosened,
+    Outcome,
+    Refined,
+    Removed,
+    Retrained,
+    Steps,
+    pure_steps,
+)
 from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.synthesis import Synthesis
 from roboscribe.world.episode_length import episode_length
@@ -150,6 +162,7 @@ class Learning:
         return replace(
             pure,
             check=self.check,
+            looser=lambda outcome, tree: looser(outcome, tree, self.evidence.layout),
             unfinished=lambda trained: trained.last.unfinished,
             tell=lambda decision: self.tell(decision_line(decision)),
         )
@@ -204,5 +217,7 @@ def decision_line(decision: Decision) -> str:
             return f"another line is taken up, for {reason}"
         case Retrained(success):
             return f"a promising program, {success:.0%}, is trained on"
+        case Loosened(name, predicate, success):
+            return f"{name} asks for less: {text(predicate)}, with which {success:.0%} of the episodes succeed"
         case Removed(node_name, success):
             return f"{node_name} is taken out again: without it {success:.0%} of the episodes succeed"

@@ -12,11 +12,11 @@ import numpy as np
 from roboscribe.classifier import Refinement, alternative, learn_classifier
 from roboscribe.dsl.rollouts import Rollouts
 from roboscribe.dsl.segmentation import explains
-from roboscribe.dsl.syntax import Program
+from roboscribe.dsl.syntax import Predicate, Program
 from roboscribe.errors import Fail, expected
 from roboscribe.evidence import Evidence
 from roboscribe.program_gen import gen_program
-from roboscribe.subtask_tree import Tree, update_tree, validate
+from roboscribe.subtask_tree import Node, Tree, update_tree, validate
 from roboscribe.success_rate import wilson
 from roboscribe.world.layout import NULL, FloatArray
 from roboscribe.world.naming import by_binding
@@ -126,6 +126,7 @@ class Steps(Generic[Skills]):
         explained: how many demonstrations a program explains, and of how many.
         unfinished: whether steps ran out while one of the skills was still getting better.
         check: a short Exec(M, P), enough to see that a program has become much worse; None goes to `roll_out` at once.
+        looser: trees in which the subgoal that failing episodes were stuck at asks for less, each with that subgoal.
         tell: hears what is decided.
     """
 
@@ -139,6 +140,7 @@ class Steps(Generic[Skills]):
     explained: Callable[[Program], tuple[int, int]]
     unfinished: Callable[[Skills], bool] = lambda _: False
     check: Callable[[Program, str, Skills], Outcome] | None = None
+    looser: Callable[[Outcome, Tree], Iterable[tuple[Node, Tree]]] = lambda *_: ()
     tell: Callable[[Decision], None] = lambda _: None
 
 
@@ -185,7 +187,22 @@ class Removed:
     success: float
 
 
-Decision: TypeAlias = Refined | Abandoned | Retrained | Removed
+@dataclass(frozen=True)
+class Loosened:
+    """A subgoal asks for less than it did, for the program is better with that.
+
+    Args:
+        node: its name.
+        predicate: what it asks for now.
+        success: share of the episodes in which the program reaches its goal.
+    """
+
+    node: str
+    predicate: Predicate
+    success: float
+
+
+Decision: TypeAlias = Refined | Abandoned | Retrained | Loosened | Removed
 
 
 def pure_steps(

@@ -14,11 +14,13 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, LastTraining, grounds, stale
 from roboscribe.io.atomic import Json, indented_json
+from roboscribe.loosening import looser
 from roboscribe.stages import classify, generate, roll_out, train, update_tree, validate
 from roboscribe.stages.runtime import controller_files
 from roboscribe.stages.runtime.events import (
     Abandoned,
     EventCallback,
+    Loosened,
     Programmed,
     Refined,
     Removed,
@@ -113,6 +115,7 @@ class StagedSteps:
             validate=self.validate,
             explained=lambda program: explained(program, self.evidence),
             check=self.check,
+            looser=lambda outcome, tree: looser(outcome, tree, self.evidence.layout),
             unfinished=lambda library: library.last.unfinished,
             tell=self.decided,
         )
@@ -189,6 +192,8 @@ class StagedSteps:
                 self.tell(Abandoned(reason))
             case core.Retrained(success):
                 self.tell(Retrained(success))
+            case core.Loosened(node, predicate, success):
+                self.tell(Loosened(node, predicate, success))
             case core.Removed(node, success):
                 self.tell(Removed(node, success))
             case _:

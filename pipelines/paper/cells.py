@@ -29,6 +29,7 @@ from roboscribe.stages.runtime.events import (
     Failed,
     Filmed,
     Ingested,
+    Loosened,
     Packaged,
     Programmed,
     Refined,
@@ -253,7 +254,17 @@ class SynthesisObserver:
                 self._spent(metrics.parent)
                 if goal == ROOT:
                     self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
-            case Refined() | Abandoned() | Retrained() | Removed() | Evaluated() | Packaged() | Filmed() | Failed():
+            case (
+                Refined()
+                | Abandoned()
+                | Retrained()
+                | Loosened()
+                | Removed()
+                | Evaluated()
+                | Packaged()
+                | Filmed()
+                | Failed()
+            ):
                 pass
             case _:
                 assert_never(event)

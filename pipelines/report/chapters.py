@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias, assert_never
 
+from roboscribe.dsl.printer import text
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.syntax import Program
 from roboscribe.stages.runtime.events import (
@@ -15,6 +16,7 @@ from roboscribe.stages.runtime.events import (
     Failed,
     Filmed,
     Ingested,
+    Loosened,
     Packaged,
     Programmed,
     Refined,
@@ -158,7 +160,7 @@ class _Reader:
                 self._latest(lambda attempt: self._rolled_out(attempt, event, told.more))
             case Refined():
                 self.read_chapters.append(event)
-            case Abandoned() | Retrained() | Removed() | Failed():
+            case Abandoned() | Retrained() | Loosened() | Removed() | Failed():
                 self.read_chapters.append(Remark(_remark(event)))
             case Evaluated(figures, _):
                 self.found |= {"evaluation": figures, "failing": _episodes(told.more)}
@@ -191,12 +193,14 @@ def _episodes(more: Mapping[str, Any]) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(int(number) for number in row) for row in more.get("failing", ()))
 
 
-def _remark(event: Abandoned | Retrained | Removed | Failed) -> str:
+def _remark(event: Abandoned | Retrained | Loosened | Removed | Failed) -> str:
     match event:
         case Abandoned(reason):
             return f"Another line of refinements was taken up, for {reason}."
         case Retrained(success):
             return f"The controllers of a promising program, which succeeded in {success:.0%}, were trained on."
+        case Loosened(subgoal, predicate, success):
+            return f"{subgoal} asks for less now: with {text(predicate)} {success:.0%} of the episodes succeed."
         case Removed(subgoal, success):
             return f"{subgoal} was taken out again: without it {success:.0%} of the episodes succeed."
         case Failed(reason):

@@ -12,6 +12,7 @@ from roboscribe.stages.runtime.events import (
     Failed,
     Filmed,
     Ingested,
+    Loosened,
     Packaged,
     Programmed,
     Refined,
@@ -41,6 +42,7 @@ class ControlStepCounter:
                 | Refined()
                 | Abandoned()
                 | Retrained()
+                | Loosened()
                 | Removed()
                 | Evaluated()
                 | Packaged()

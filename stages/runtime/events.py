@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from roboscribe.classifier import Refinement
-from roboscribe.dsl.syntax import Program
+from roboscribe.dsl.syntax import Predicate, Program
 from roboscribe.strips import Strips
 from roboscribe.subtask_tree import Tree
 
@@ -83,6 +83,15 @@ class Retrained:
 
 
 @dataclass(frozen=True)
+class Loosened:
+    """A subgoal asks for less than it did; the program succeeds more often with that."""
+
+    subgoal: str
+    predicate: Predicate
+    success: float
+
+
+@dataclass(frozen=True)
 class Removed:
     """A subgoal was taken out again; the program succeeds as often without it."""
 
@@ -129,6 +138,7 @@ Event: TypeAlias = (
     | Refined
     | Abandoned
     | Retrained
+    | Loosened
     | Removed
     | Evaluated
     | Packaged

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, assert_never
 
-from roboscribe.dsl.parser import parse_program
+from roboscribe.dsl.parser import parse_predicate, parse_program
 from roboscribe.dsl.printer import pretty
 from roboscribe.errors import ArtifactError, RoboScribeError
 from roboscribe.evaluation import failures
@@ -25,6 +25,7 @@ from roboscribe.stages.runtime.events import (
     Failed,
     Filmed,
     Ingested,
+    Loosened,
     Packaged,
     Programmed,
     Refined,
@@ -187,7 +188,7 @@ def _encoded(event: Event) -> dict[str, Json]:
             return {"goal": goal, "counts": dict(counts), "table": str(table), "failing": _failing(table)}
         case Evaluated(figures, table):
             return {"figures": dict(figures), "table": str(table), "failing": _failing(table)}
-        case Refined() | Abandoned() | Retrained() | Removed():
+        case Refined() | Abandoned() | Retrained() | Loosened() | Removed():
             return _decision(event)
         case Packaged() | Filmed() | Failed():
             return _ending(event)
@@ -195,7 +196,7 @@ def _encoded(event: Event) -> dict[str, Json]:
             assert_never(event)
 
 
-def _decision(event: Refined | Abandoned | Retrained | Removed) -> dict[str, Json]:
+def _decision(event: Refined | Abandoned | Retrained | Loosened | Removed) -> dict[str, Json]:
     match event:
         case Refined(refinement, table, tree, explained, demonstrations, strips):
             return {
@@ -210,6 +211,8 @@ def _decision(event: Refined | Abandoned | Retrained | Removed) -> dict[str, Jso
             return {"reason": reason}
         case Retrained(success):
             return {"success": success}
+        case Loosened(subgoal, predicate, success):
+            return {"subgoal": subgoal, "predicate": str(predicate), "success": success}
         case Removed(subgoal, success):
             return {"subgoal": subgoal, "success": success}
         case _:
@@ -257,6 +260,8 @@ def _decoded_ending(kind: str, value: Mapping[str, Any], where: str) -> Event:
             return Abandoned(value["reason"])
         case "Retrained":
             return Retrained(value["success"])
+        case "Loosened":
+            return Loosened(value["subgoal"], parse_predicate(value["predicate"]), value["success"])
         case "Removed":
             return Removed(value["subgoal"], value["success"])
         case "Packaged":

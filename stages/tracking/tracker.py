@@ -26,6 +26,7 @@ from roboscribe.stages.runtime.events import (
     Failed,
     Filmed,
     Ingested,
+    Loosened,
     Packaged,
     Programmed,
     Refined,
@@ -199,7 +200,7 @@ class Tracker:
             case RolledOut(goal, counts, _):
                 self._last = event
                 self._metrics(PARENT, _tried(goal, counts), self.env_steps)
-            case Refined() | Abandoned() | Retrained() | Removed():
+            case Refined() | Abandoned() | Retrained() | Loosened() | Removed():
                 self._decided(event)
             case Evaluated(figures, table):
                 self._evaluated(figures, table)
@@ -208,7 +209,7 @@ class Tracker:
             case _:
                 assert_never(event)
 
-    def _decided(self, event: Refined | Abandoned | Retrained | Removed) -> None:
+    def _decided(self, event: Refined | Abandoned | Retrained | Loosened | Removed) -> None:
         match event:
             case Refined():
                 self._refined(event)
@@ -218,6 +219,8 @@ class Tracker:
             case Retrained(success):
                 number = self._count("retrained")
                 self._note(PARENT, "tag", f"retrained_{number}", f"a promising program, at {success:.3f}", self.attempt)
+            case Loosened(subgoal, predicate, success):
+                self._note(PARENT, "tag", f"loosened_{subgoal}", f"{text(predicate)}: {success:.3f}", self.attempt)
             case Removed(subgoal, success):
                 self._note(PARENT, "tag", f"removed_{subgoal}", f"{success:.3f} without it", self.attempt)
             case _:
