@@ -68,7 +68,7 @@ def best_warm_start(
         cloned = _clone(training, run, fresh, starts, evaluator)
         return 0.0, cloned or WarmStart(fresh, evaluator(fresh).rate, "initial")
     known = WarmStart(skills[run.controller], evaluator(skills[run.controller]).rate, "kept")
-    good = known.rate >= training.enough(run, again=again)
+    good = known.rate >= training.enough(run)
     if good or (again and training.may_be_enough(run, known.rate, len(evaluator.starts))):
         return known.rate, known
     cloned = _clone(training, run, fresh, starts, evaluator)

@@ -85,14 +85,14 @@ class ProgramTraining:
         """
         return float(self.wanted ** (1 / max(1, self.repetitions(run))))
 
-    def enough(self, run: Run, *, again: bool) -> float:
+    def enough(self, run: Run) -> float:
         """Return the success from which on a skill is not reinforced.
 
         Of a subgoal's skill, unless the program was trained before and nothing explained why it fails, it is what
         passes: ψ_R decides what is worth more. SAC would begin anew then.
         """
         most = self.target(run)
-        entirely = (again and bool(self.trained_before)) or isinstance(self.config.learner, SacConfig)
+        entirely = bool(self.trained_before) or isinstance(self.config.learner, SacConfig)
         return most if self.solve or entirely else min(most, self.config.passable)
 
     def may_be_enough(self, run: Run, rate: float, starts: int) -> bool:

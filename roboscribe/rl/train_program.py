@@ -177,7 +177,7 @@ def _train(
     context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
     budget = config.learning_steps if job.again else _budget(training, run, rate, len(held_out))
     spared = job.again and training.may_be_enough(run, rate, len(held_out))
-    if rate < training.enough(run, again=job.again) and not spared and job.reinforce and budget:
+    if rate < training.enough(run) and not spared and job.reinforce and budget:
         warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)
     return warm, replace(report, control_steps=report.control_steps + starts.control_steps)
 
@@ -207,7 +207,7 @@ def _improve(
     def log(metrics: Mapping[str, float], step: int) -> None:
         context.log(job.run.controller, metrics, spent + starts.control_steps + step)
 
-    enough = training.enough(job.run, again=job.again)
+    enough = training.enough(job.run)
     task = LearnerTask(evaluator.subtask, pool, evaluator, enough, budget, evaluator.rest)
     learned, by = _reinforce(training, warm, rate, task, log, context.file(f"{job.title}.progress"))
     report = replace(report, control_steps=spent + learned.control_steps)

@@ -235,12 +235,12 @@ def test_what_fails_together_and_not_one_by_one_lacks_a_subgoal(
 
 def test_a_subgoals_skill_is_reinforced_until_it_passes() -> None:
     at = Run("at", (mu, b, Goal(b)), AT)
-    cases = ((False, False, 0.8), (False, True, 0.97), (True, False, 0.9))
-    for solve, again, enough in cases:
-        training = ProgramTraining(TASK, LOOP, SHOWN, replace(QUICK, subgoal_target=0.97), 0, solve)
-        assert training.enough(at, again=again) == pytest.approx(enough)
+    cases = ((False, 0, 0.8), (False, 1, 0.97), (True, 0, 0.9))
+    for solve, trained_before, enough in cases:
+        training = ProgramTraining(TASK, LOOP, SHOWN, replace(QUICK, subgoal_target=0.97), 0, solve, trained_before)
+        assert training.enough(at) == pytest.approx(enough)
     anew = ProgramTraining(TASK, LOOP, SHOWN, replace(QUICK, subgoal_target=0.97, learner=SAC), 0, solve=False)
-    assert anew.enough(at, again=False) == pytest.approx(0.97), "SAC would begin anew for the task"
+    assert anew.enough(at) == pytest.approx(0.97), "SAC would begin anew for the task"
 
 
 def test_in_every_turn_a_program_is_trained_from_other_starts(trained: TrainingResult) -> None:

@@ -7,8 +7,19 @@ from pathlib import Path
 
 import pytest
 
+from roboscribe.dsl.parser import parse_predicate
 from roboscribe.errors import ArtifactError
-from roboscribe.stages.runtime.events import Abandoned, Evaluated, Event, Failed, Refined, Removed, Retrained, RolledOut
+from roboscribe.stages.runtime.events import (
+    Abandoned,
+    Evaluated,
+    Event,
+    Failed,
+    Loosened,
+    Refined,
+    Removed,
+    Retrained,
+    RolledOut,
+)
 from roboscribe.stages.tracking.event_log import CHRONICLE, EventLogWriter, read_event_log
 from tests.pipelines.runs import run, scripted
 
@@ -68,9 +79,12 @@ def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) 
     assert path.read_bytes() == before
 
 
+LOOSENED = Loosened("hold", parse_predicate("‖μ↓xyz − b1↓xyz‖ < 0.02"), 0.95)
+
+
 def test_what_ends_without_a_program_says_why(tmp_path: Path) -> None:
     path = tmp_path / CHRONICLE
-    ends = (Abandoned("too slow"), Retrained(0.5), Removed("hold", 0.5), Failed("nothing separates"))
+    ends = (Abandoned("too slow"), Retrained(0.5), LOOSENED, Removed("hold", 0.5), Failed("nothing separates"))
     event_log = EventLogWriter(path, {"title": "t"})
     for event in ends:
         event_log.on_event(event)
