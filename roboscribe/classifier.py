@@ -14,7 +14,7 @@ from roboscribe.errors import Fail
 from roboscribe.evidence import Crossings, Evidence
 from roboscribe.search.candidates import Anchor, Candidate, Samples
 from roboscribe.search.decision_tree import learn_decision_tree
-from roboscribe.search.features import Feature, enumerate_features
+from roboscribe.search.features import Feature, enumerate_features, relations
 from roboscribe.search.loop_entities import Pairs, is_lasting
 from roboscribe.search.naming import name_predicate
 from roboscribe.search.predicates import rank_predicates
@@ -323,7 +323,7 @@ def _recurring(samples: Samples, evidence: Evidence, tree: Tree, psi: str, *, se
     for members in (layout.of_type(kind) for kind in layout.types):
         if psi == ROOT and (len(members) > 1) == several:
             entity = layout.names[members[0]]
-            features = enumerate_features(layout, [entity, *single])
+            features = (*enumerate_features(layout, [entity, *single]), *relations(layout, entity))
             known = {
                 only: _compared(features, [n for n in tree.nodes if n.only in (only, Truth())], evidence)
                 for only in (Truth(), *(n.only for n in tree.nodes))

@@ -8,7 +8,7 @@ left out: a subgoal is a place to be, not a speed, for it must be possible to st
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -120,6 +120,22 @@ def enumerate_features(layout: Layout, named: Sequence[str]) -> tuple[Feature, .
             for f in mentions:
                 plain += [Feature(f.term, (var, kind.name), g, "∃" + f.family, f.detail, f.unit) for g in (False, True)]
     return tuple(dict.fromkeys(plain))
+
+
+def relations(layout: Layout, entity: str) -> Iterator[Feature]:
+    """Yield how far an entity is from the nearest one of each other type with several: in one of the bins, say.
+
+    Args:
+        layout: objects, types and attributes that the task declares.
+        entity: its name.
+    """
+    kind = layout.entities[layout.names.index(entity)]
+    for other in layout.types.values():
+        if other.name != kind.name and len(layout.of_type(other.name)) > 1:
+            var = Var(f"{layout.letter(other.name)}'")
+            for feature in _expressions(layout, {entity: kind, var.name: other}):
+                if isinstance(feature.term, Norm) and set(free_vars(feature.term)) == {entity, var.name}:
+                    yield replace(feature, over=(var, other.name), family="∃" + feature.family)
 
 
 @dataclass(frozen=True)

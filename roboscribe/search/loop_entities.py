@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from bisect import insort
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import comb, log2
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from roboscribe.dsl.rewrite import free_vars, rename, uses_robot
-from roboscribe.dsl.semantics import evaluate, holds
+from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.syntax import And, Diff, Exists, Less, Not, Predicate, Proj, Truth, Var
 from roboscribe.dsl.types import named_entities
 from roboscribe.search.features import Feature
@@ -56,8 +56,9 @@ class Pairs:
 
     def values(self, feature: Feature, states: FloatArray) -> FloatArray:
         """Evaluate a feature for every entity, (N, S)."""
-        named = ((e, {self.entity: self.layout.names[e]}) for e in self.members)
-        return np.stack([evaluate(rename(feature.term, m), states, {}, self.layout)[..., 0] for _, m in named])
+        named = ({self.entity: self.layout.names[e]} for e in self.members)
+        each = (replace(feature, term=rename(feature.term, name)) for name in named)
+        return np.stack([feature.values(states, self.layout) for feature in each])
 
     def truth(self, predicate: Predicate, states: FloatArray) -> BoolArray:
         """Evaluate a predicate about `entity` for every entity, (N, S)."""

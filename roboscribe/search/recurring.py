@@ -45,7 +45,7 @@ def recurring_candidates(features: Sequence[Feature], pairs: Pairs) -> Iterator[
     readings = list(lasting_readings(features, pairs))
     all_of_them = (Truth(),) if len(pairs.members) > 1 else ()  # of a single one there is nothing to repeat
     for feature in features:
-        if pairs.entity in free_vars(feature.term) and feature.over is None and not uses_robot(feature.term):
+        if pairs.entity in free_vars(feature.term) and not uses_robot(feature.term):
             values, negatives = (pairs.values(feature, s) for s in (pairs.frames, pairs.negatives))
             if np.isfinite(values).all() and np.isfinite(negatives).all():
                 telling = (

@@ -9,7 +9,7 @@ from roboscribe.dsl.rewrite import free_vars
 from roboscribe.dsl.semantics import holds
 from roboscribe.dsl.types import check_predicate
 from roboscribe.envs.point_world import POINT_TASKS
-from roboscribe.search.features import Feature, enumerate_features
+from roboscribe.search.features import Feature, enumerate_features, relations
 from roboscribe.world.layout import Attribute, Layout, ObjectType
 
 POSITION = Attribute("position", ("x", "y", "z"))
@@ -116,3 +116,16 @@ def test_two_attributes_with_the_same_components_are_both_on_offer() -> None:
     terms = {str(feature.term) for feature in enumerate_features(layout, ("d1",))}
     assert {"d1↓x", "d1↓handle_x", "‖d1↓handle − g(d1)↓xy‖", "‖μ↓xy − d1↓xy‖"} <= terms
     assert "‖d1↓xy − g(d1)↓xy‖" not in terms
+
+
+def test_an_entity_may_be_near_any_one_of_another_type() -> None:
+    """It may lie in one of several bins; how it lies to others of its own type is said elsewhere."""
+    bins = Layout(HAND, (BLOCK, BLOCK, ObjectType("bin", (POSITION,)), ObjectType("bin", (POSITION,))))
+    found = [f for f in relations(bins, "block1") if str(f.term) == "‖block1↓xyz − bin'↓xyz‖"]
+    assert [str(f.below(0.1)) for f in found] == ["∃bin':bin. ‖block1↓xyz − bin'↓xyz‖ < 0.1"]
+    states = np.zeros((1, bins.size))
+    states[0, bins.columns[0, "position", False]] = 0.3
+    states[0, bins.columns[3, "position", False]] = 0.3
+    np.testing.assert_allclose(found[0].values(states, bins), 0.0)
+    assert all(f.over is not None and f.over[1] == "bin" for f in relations(bins, "block1"))
+    assert not list(relations(THREE, "b1"))

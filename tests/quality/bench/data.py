@@ -75,7 +75,7 @@ class Aim:
     Args:
         attribute: which one.
         to: "goal" (within its tolerance), "above" or "below" a value, "right of" it along the first axis, "risen" by a
-            value since the start, or "inside" a container, within `value` of its position.
+            value since the start, or "inside" a container, within `value` of the position of the nearest one.
         value: of all but the first.
         of: the container's kind.
     """

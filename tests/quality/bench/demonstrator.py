@@ -236,8 +236,8 @@ def target(task: KinematicTask, state: FloatArray, aim: Aim, entity: int, offset
         case "goal":
             return task.goal(state, entity, aim.attribute)
         case "inside":
-            (container,) = task.of_kind(aim.of)
-            return np.asarray(state[task.place(container)] + offset * aim.value)
+            here, places = state[task.place(entity)], [state[task.place(each)] for each in task.of_kind(aim.of)]
+            return np.asarray(min(places, key=lambda place: np.linalg.norm(here - place)) + offset * aim.value)
         case "below":
             return np.array([0.3 * aim.value])
         case "right of":

@@ -242,6 +242,12 @@ TASKS: tuple[KinematicTask, ...] = (
         plane="xy",
     ),
     KinematicTask(
+        "each-into-any-bin",
+        "own",
+        (Kind("bin", 2, moves="fixed", goal=()), Kind("block", 3, goal=())),
+        (Phase("block", (Aim("position", "inside", 0.1, "bin"),)),),
+    ),
+    KinematicTask(
         "lighter-than-the-scale",
         "conditions",
         (LEFT, RIGHT, SCALE, Kind("block", goal=(), constants=("weight",))),

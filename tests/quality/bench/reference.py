@@ -26,7 +26,8 @@ def reference(task: KinematicTask) -> Program:
 def program_text(task: KinematicTask) -> str:
     """Write the program: gets first, then one part for each phase, in the order or orders that the task has."""
     names = {phase.kind: _letter(task, phase.kind) for phase in task.phases if straight(task, phase)}
-    names |= {aim.of: _letter(task, aim.of) for phase in task.phases for aim in phase.aims if aim.of}
+    containers = [aim.of for phase in task.phases for aim in phase.aims if aim.of]
+    names |= {of: _letter(task, of) for of in containers if task.kind(of).count == 1}
     owners = (bound.split()[2].partition(".")[0] for phase in task.phases for bound in phase.bounds)
     names |= {owner: _letter(task, owner) for owner in owners if owner in {kind.name for kind in task.kinds}}
     if " " in task.phase_order and not task.phase_order.startswith(("goal", "-goal")):
@@ -185,7 +186,10 @@ def met(task: KinematicTask, aim: Aim, v: str) -> str:
         case "goal":
             return f"‖{mine} − g({v})↓{field}‖ < {EXACT * aim.tolerance:.3g}"
         case "inside":
-            return f"‖{mine} − {_letter(task, aim.of)}↓{field}‖ < {0.8 * aim.value:.3g}"
+            letter = _letter(task, aim.of)
+            if task.kind(aim.of).count == 1:
+                return f"‖{mine} − {letter}↓{field}‖ < {0.8 * aim.value:.3g}"
+            return f"∃{letter}':{aim.of}. ‖{mine} − {letter}'↓{field}‖ < {0.8 * aim.value:.3g}"
         case "below":
             return f"{mine} < {0.8 * aim.value:.3g}"
         case "right of":

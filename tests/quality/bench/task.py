@@ -117,8 +117,8 @@ class KinematicTask(Task):
             case "goal":
                 return _length(value - self.goal(states, entity, aim.attribute), aim) < share * aim.tolerance
             case "inside":
-                (container,) = self.of_kind(aim.of)
-                return _length(value - states[..., self.place(container)], aim) < share * aim.value
+                gaps = [_length(value - states[..., self.place(each)], aim) for each in self.of_kind(aim.of)]
+                return np.asarray(np.min(gaps, axis=0) < share * aim.value)
             case "below":
                 return np.asarray(value[..., 0] < aim.value - (1 - share) * aim.value / 2)
             case "right of":
