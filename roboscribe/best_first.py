@@ -107,10 +107,14 @@ class Search(Generic[Skills]):
         return found.outcome.rate >= PROMISING and not self.limits.met(found.outcome)
 
     def _looser(self, psi: str, found: Solution[Skills]) -> Solution[Skills] | None:
-        """Loosen the subgoal that most failing episodes were stuck at; None where that does not help."""
+        """Loosen the subgoal that most failing episodes were stuck at; None where that does not help.
+
+        What a loop is to bring about for every entity stays as it is until ψ_R tells whether less is enough.
+        """
         best: tuple[Node, Solution[Skills]] | None = None
         for node, tree in self.steps.looser(found.outcome, found.tree):
-            if node.name == psi or isinstance(possible_program(tree, self.steps), Fail):
+            asked_for = node.name == psi or (node.circular and psi != ROOT)
+            if asked_for or isinstance(possible_program(tree, self.steps), Fail):
                 continue
             program = self.steps.generate(psi, tree)
             assert isinstance(program, Program)  # it differs from the present one by a number

@@ -27,8 +27,7 @@ def looser(outcome: Outcome, tree: Tree, layout: Layout) -> Iterator[tuple[Node,
     """Yield trees in which the subgoal that most failing episodes were stuck at is looser, and that subgoal.
 
     A threshold lies just beyond what was demonstrated. A robot that is less precise than its demonstrators may do what
-    they did without ever passing it: a cube that is held at its edge is held. What a loop brings about for every entity
-    stays as it is, for ψ_R asks for that.
+    they did without ever passing it: a cube that is held at its edge is held.
 
     Args:
         outcome: its failing episodes tell how near to the subgoal they came.
@@ -37,7 +36,7 @@ def looser(outcome: Outcome, tree: Tree, layout: Layout) -> Iterator[tuple[Node,
     """
     found = next((node for node in tree.nodes if node.name == outcome.stuck_at), None)
     stuck = [each.states for each in outcome.lost if each.unreached == outcome.stuck_at and len(each.states) >= CONFIRM]
-    if found is None or found.circular or len(stuck) < ENOUGH:
+    if found is None or len(stuck) < ENOUGH:
         return
     atoms = conjuncts(found.predicate)
     for atom in atoms:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from roboscribe.abstraction_refinement import Limits, Solution, roboscribe
+from roboscribe.best_first import Search
 from roboscribe.dsl.parser import parse_predicate
-from roboscribe.dsl.syntax import Program
+from roboscribe.dsl.syntax import Program, Seq
 from roboscribe.envs.point_world import PointTask
 from roboscribe.loosening import looser
 from roboscribe.steps import Failure, Loosened, Outcome
@@ -28,9 +29,9 @@ def stuck(*distances: float, at: str = "hold", height: float = 0.2) -> Failure:
     return Failure(np.stack(rows), at)
 
 
-def tree_of(predicate: str, *, circular: bool = False) -> Tree:
+def tree_of(predicate: str) -> Tree:
     """Build a tree with one subgoal."""
-    found = Node("hold", parse_predicate(predicate), circular)
+    found = Node("hold", parse_predicate(predicate))
     return Tree((*Tree().nodes, found), ((TRUE, "hold"), ("hold", ROOT)))
 
 
@@ -79,11 +80,6 @@ def test_some_failures_say_nothing(lost: tuple[Failure, ...]) -> None:
     assert suggested(NEAR, *lost) == []
 
 
-def test_what_a_loop_brings_about_stays_as_it_is() -> None:
-    lost = tuple(stuck(0.02, 0.02, 0.02) for _ in range(5))
-    assert not list(looser(Outcome(9, 14, lost), tree_of(NEAR, circular=True), LAYOUT))
-
-
 HOLD1, AT1 = node("hold", HOLD, "b1"), node("at", AT, "b1")
 LOOSE = replace(HOLD1, predicate=parse_predicate("‖μ↓xz − b1↓xz‖ < 0.02"))
 TOO_LOOSE = replace(HOLD1, predicate=parse_predicate("‖μ↓xz − b1↓xz‖ < 0.2"))
@@ -117,3 +113,25 @@ def test_a_promising_program_is_tried_with_looser_subgoals(strict: int, helps: b
         assert isinstance(answer, Solution)
         assert answer.tree.node("hold").predicate == LOOSE.predicate
         assert answer.refinements[1].node == HOLD1, "how it was found stays told"
+
+
+def test_what_a_loop_brings_about_asks_for_less_where_the_task_is_solved_with_it() -> None:
+    """For another subgoal it stays as it is: whether less is enough only ψ_R tells."""
+    loop, last = node("at", AT, "b1", circular=True), node("last", HOLD, "b1")
+    less = replace(loop, predicate=parse_predicate("‖b1↓xz − g(b1)↓xz‖ < 0.09"))
+    rates = {("last", "at last"): 15, **root(15, "at last"), ("last", "less last"): 20, **root(20, "less last")}
+    story, asked = Story({("at", "at"): 20, **rates}, {ROOT: [loop], "last": []}), []
+    tree = Tree((*Tree().nodes, loop, last), ((TRUE, "at"), ("at", "last"), ("last", ROOT)))
+
+    def generate(goal: str, tree: Tree) -> Program:
+        return Program(f"{goal}:{'less' if less in tree.nodes else 'at'} last", Seq())
+
+    def suggest(outcome: Outcome, tree: Tree) -> list[tuple[Node, Tree]]:
+        asked.append(outcome)
+        return [(less, tree.replacing(less))] if loop in tree.nodes else []
+
+    steps = replace(story.steps(), generate=generate, looser=suggest)
+    for goal, found in (("last", loop), (ROOT, less)):
+        untrained = Solution(generate(goal, tree), tree, 0, Outcome(0, 1))
+        assert Search(steps, Limits()).train(goal, untrained).tree.node("at") == found
+    assert len(asked) == 2
