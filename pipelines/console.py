@@ -88,10 +88,9 @@ class SynthesisConsole(ProgressBar):
                 self.say(f"another line is taken up, for {reason}", "yellow")
             case Retrained(success):
                 self.say(f"a promising program, at {success:.0%}, is trained on", "yellow")
-            case Loosened(subgoal, predicate, success):
-                self.say(
-                    f"{subgoal} asks for less: with {text(predicate)} {success:.0%} of the episodes succeed", "cyan"
-                )
+            case Loosened(subgoal, predicate, _, helps):
+                verdict = "better" if helps else "no better"
+                self.say(f"  that is {verdict} with {subgoal} asked for less, {text(predicate)}", "cyan")
             case Removed(subgoal, success):
                 self.say(f"{subgoal} is taken out again: without it {success:.0%} of the episodes succeed", "cyan")
             case _:

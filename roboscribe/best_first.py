@@ -11,7 +11,7 @@ from roboscribe.classifier import Refinement
 from roboscribe.dsl.syntax import Predicate, Program
 from roboscribe.errors import Fail
 from roboscribe.steps import Limits, Loosened, Outcome, Refined, Retrained, Skills, Solution, Steps
-from roboscribe.subtask_tree import ROOT, Node, Tree
+from roboscribe.subtask_tree import ROOT, Tree
 from roboscribe.world.layout import FloatArray
 from roboscribe.world.trajectory import AGREEMENT
 
@@ -111,7 +111,7 @@ class Search(Generic[Skills]):
 
         What a loop is to bring about for every entity stays as it is until ψ_R tells whether less is enough.
         """
-        best: tuple[Node, Solution[Skills]] | None = None
+        best = found
         for node, tree in self.steps.looser(found.outcome, found.tree):
             asked_for = node.name == psi or (node.circular and psi != ROOT)
             if asked_for or isinstance(possible_program(tree, self.steps), Fail):
@@ -119,12 +119,10 @@ class Search(Generic[Skills]):
             program = self.steps.generate(psi, tree)
             assert isinstance(program, Program)  # it differs from the present one by a number
             outcome = self.steps.roll_out(program, psi, found.skills)
-            if outcome.beats(found.outcome if best is None else best[1].outcome):
-                best = node, replace(found, program=program, tree=tree, outcome=outcome)
-        if best is None:
-            return None
-        self.steps.tell(Loosened(best[0].name, best[0].predicate, best[1].rate))
-        return best[1]
+            helps = outcome.beats(best.outcome)
+            self.steps.tell(Loosened(node.name, node.predicate, outcome.rate, helps))
+            best = replace(found, program=program, tree=tree, outcome=outcome) if helps else best
+        return None if best is found else best
 
     def is_getting_better(self, found: Solution[Skills]) -> bool:
         """Whether a promising program's controllers were still getting better when their steps ran out."""

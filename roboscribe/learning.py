@@ -217,7 +217,8 @@ def decision_line(decision: Decision) -> str:
             return f"another line is taken up, for {reason}"
         case Retrained(success):
             return f"a promising program, {success:.0%}, is trained on"
-        case Loosened(name, predicate, success):
-            return f"{name} asks for less: {text(predicate)}, with which {success:.0%} of the episodes succeed"
+        case Loosened(name, predicate, success, helps):
+            verdict = "better" if helps else "no better"
+            return f"{name} asked for less, {text(predicate)}: {success:.0%} of the episodes succeed, {verdict}"
         case Removed(node_name, success):
             return f"{node_name} is taken out again: without it {success:.0%} of the episodes succeed"

@@ -189,17 +189,19 @@ class Removed:
 
 @dataclass(frozen=True)
 class Loosened:
-    """A subgoal asks for less than it did, for the program is better with that.
+    """A program was tried with a subgoal that asks for less.
 
     Args:
         node: its name.
-        predicate: what it asks for now.
+        predicate: what it asks for then.
         success: share of the episodes in which the program reaches its goal.
+        helps: whether that is better than before, so that it is kept unless another one is better still.
     """
 
     node: str
     predicate: Predicate
     success: float
+    helps: bool
 
 
 Decision: TypeAlias = Refined | Abandoned | Retrained | Loosened | Removed

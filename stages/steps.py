@@ -192,8 +192,8 @@ class StagedSteps:
                 self.tell(Abandoned(reason))
             case core.Retrained(success):
                 self.tell(Retrained(success))
-            case core.Loosened(node, predicate, success):
-                self.tell(Loosened(node, predicate, success))
+            case core.Loosened(node, predicate, success, helps):
+                self.tell(Loosened(node, predicate, success, helps))
             case core.Removed(node, success):
                 self.tell(Removed(node, success))
             case _:

@@ -16,7 +16,7 @@ from roboscribe.loosening import looser
 from roboscribe.steps import Failure, Loosened, Outcome
 from roboscribe.subtask_tree import ROOT, TRUE, Node, Tree
 from tests.handmade import AT, HOLD, node, state
-from tests.story import Story, root
+from tests.story import EPISODES, Story, root
 
 LAYOUT = PointTask("toy", ("block",)).layout
 NEAR = "‖μ↓xz − b1↓xz‖ < 0.01"
@@ -108,7 +108,8 @@ def test_a_promising_program_is_tried_with_looser_subgoals(strict: int, helps: b
     answer = roboscribe(replace(steps, generate=generate, looser=suggest), 0, Limits(success=0.97))
     assert isinstance(answer, Solution) or not helps
     told_of = [each for each in told if isinstance(each, Loosened)]
-    assert told_of == ([Loosened("hold", LOOSE.predicate, 0.95)] if helps else [])
+    tried = [(each.predicate, each.helps) for each in told_of]
+    assert set(tried) == ({(LOOSE.predicate, helps), (TOO_LOOSE.predicate, False)} if strict > EPISODES / 2 else set())
     if helps:
         assert isinstance(answer, Solution)
         assert answer.tree.node("hold").predicate == LOOSE.predicate

@@ -199,8 +199,9 @@ def _remark(event: Abandoned | Retrained | Loosened | Removed | Failed) -> str:
             return f"Another line of refinements was taken up, for {reason}."
         case Retrained(success):
             return f"The controllers of a promising program, which succeeded in {success:.0%}, were trained on."
-        case Loosened(subgoal, predicate, success):
-            return f"{subgoal} asks for less now: with {text(predicate)} {success:.0%} of the episodes succeed."
+        case Loosened(subgoal, predicate, success, helps):
+            asked = f"{subgoal} was asked for less: with {text(predicate)}"
+            return f"{asked} {success:.0%} of the episodes succeed, which is {'better' if helps else 'no better'}."
         case Removed(subgoal, success):
             return f"{subgoal} was taken out again: without it {success:.0%} of the episodes succeed."
         case Failed(reason):

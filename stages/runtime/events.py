@@ -84,11 +84,12 @@ class Retrained:
 
 @dataclass(frozen=True)
 class Loosened:
-    """A subgoal asks for less than it did; the program succeeds more often with that."""
+    """A program was tried with a subgoal that asks for less; `helps` where it succeeds more often with that."""
 
     subgoal: str
     predicate: Predicate
     success: float
+    helps: bool
 
 
 @dataclass(frozen=True)

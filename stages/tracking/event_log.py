@@ -211,8 +211,8 @@ def _decision(event: Refined | Abandoned | Retrained | Loosened | Removed) -> di
             return {"reason": reason}
         case Retrained(success):
             return {"success": success}
-        case Loosened(subgoal, predicate, success):
-            return {"subgoal": subgoal, "predicate": str(predicate), "success": success}
+        case Loosened(subgoal, predicate, success, helps):
+            return {"subgoal": subgoal, "predicate": str(predicate), "success": success, "helps": helps}
         case Removed(subgoal, success):
             return {"subgoal": subgoal, "success": success}
         case _:
@@ -261,7 +261,8 @@ def _decoded_ending(kind: str, value: Mapping[str, Any], where: str) -> Event:
         case "Retrained":
             return Retrained(value["success"])
         case "Loosened":
-            return Loosened(value["subgoal"], parse_predicate(value["predicate"]), value["success"])
+            predicate = parse_predicate(value["predicate"])
+            return Loosened(value["subgoal"], predicate, value["success"], value["helps"])
         case "Removed":
             return Removed(value["subgoal"], value["success"])
         case "Packaged":

@@ -219,8 +219,9 @@ class Tracker:
             case Retrained(success):
                 number = self._count("retrained")
                 self._note(PARENT, "tag", f"retrained_{number}", f"a promising program, at {success:.3f}", self.attempt)
-            case Loosened(subgoal, predicate, success):
-                self._note(PARENT, "tag", f"loosened_{subgoal}", f"{text(predicate)}: {success:.3f}", self.attempt)
+            case Loosened(subgoal, predicate, success, helps):
+                tried = f"{subgoal} with {text(predicate)}: {success:.3f}{', better' if helps else ''}"
+                self._note(PARENT, "tag", f"loosened_{self._count('loosened')}", tried, self.attempt)
             case Removed(subgoal, success):
                 self._note(PARENT, "tag", f"removed_{subgoal}", f"{success:.3f} without it", self.attempt)
             case _:

@@ -79,7 +79,7 @@ def test_a_run_that_goes_on_tells_nothing_twice(told: tuple[Path, list[Event]]) 
     assert path.read_bytes() == before
 
 
-LOOSENED = Loosened("hold", parse_predicate("‖μ↓xyz − b1↓xyz‖ < 0.02"), 0.95)
+LOOSENED = Loosened("hold", parse_predicate("‖μ↓xyz − b1↓xyz‖ < 0.02"), 0.95, helps=True)
 
 
 def test_what_ends_without_a_program_says_why(tmp_path: Path) -> None:
