@@ -31,7 +31,7 @@ def roboscribe(steps: Steps[Skills], skills: Skills, limits: Limits) -> Solution
     Source:  Algorithm 1.
     Departs: no choice of a subgoal is final. Algorithm 2 is run again with another choice, the likeliest first, until a
         program is good enough or the budget is spent; what was done once is remembered. A subgoal that most failing
-        episodes were stuck at asks for less where a promising program is better with that. Controllers of a promising
+        episodes were stuck at asks for less where a program is better with that. Controllers of a promising
         program that were still getting better are trained on before it is refined; before a line gives up all that it
         stands on, or when it hardly fails any more, they are trained once more.
         At the end subgoals that do not help are removed.

@@ -99,18 +99,17 @@ class Search(Generic[Skills]):
         program, tree = untrained.program, untrained.tree
         skills = self.steps.train(program, psi, tree, untrained.skills)
         found = replace(untrained, skills=skills, outcome=self.steps.roll_out(program, psi, skills))
-        while self._is_promising(found) and (looser := self._looser(psi, found)) is not None:
+        while (looser := self._looser(psi, found)) is not None:
             found = looser
         return found
-
-    def _is_promising(self, found: Solution[Skills]) -> bool:
-        return found.outcome.rate >= PROMISING and not self.limits.met(found.outcome)
 
     def _looser(self, psi: str, found: Solution[Skills]) -> Solution[Skills] | None:
         """Loosen the subgoal that most failing episodes were stuck at; None where that does not help.
 
         What a loop is to bring about for every entity stays as it is until ψ_R tells whether less is enough.
         """
+        if found.outcome.successes == 0 or self.limits.met(found.outcome):
+            return None
         best = found
         for node, tree in self.steps.looser(found.outcome, found.tree):
             asked_for = node.name == psi or (node.circular and psi != ROOT)
@@ -126,7 +125,8 @@ class Search(Generic[Skills]):
 
     def is_getting_better(self, found: Solution[Skills]) -> bool:
         """Whether a promising program's controllers were still getting better when their steps ran out."""
-        return self._is_promising(found) and self.trained < self.limits.programs and self.steps.unfinished(found.skills)
+        promising = found.rate >= PROMISING and not self.limits.met(found.outcome)
+        return promising and self.trained < self.limits.programs and self.steps.unfinished(found.skills)
 
     def keep(self, found: Solution[Skills], choices: tuple[int, ...] = ()) -> None:
         """Remember a solution, and the choices of its line, if it is better than the best so far, or good enough."""

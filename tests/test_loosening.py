@@ -16,7 +16,7 @@ from roboscribe.loosening import looser
 from roboscribe.steps import Failure, Loosened, Outcome
 from roboscribe.subtask_tree import ROOT, TRUE, Node, Tree
 from tests.handmade import AT, HOLD, node, state
-from tests.story import EPISODES, Story, root
+from tests.story import Story, root
 
 LAYOUT = PointTask("toy", ("block",)).layout
 NEAR = "‖μ↓xz − b1↓xz‖ < 0.01"
@@ -85,9 +85,9 @@ LOOSE = replace(HOLD1, predicate=parse_predicate("‖μ↓xz − b1↓xz‖ < 0.
 TOO_LOOSE = replace(HOLD1, predicate=parse_predicate("‖μ↓xz − b1↓xz‖ < 0.2"))
 
 
-@pytest.mark.parametrize(("strict", "helps"), [(15, True), (18, False), (9, False)])
-def test_a_promising_program_is_tried_with_looser_subgoals(strict: int, helps: bool) -> None:
-    """One episode more is no gain, and what mostly fails lacks more than a number."""
+@pytest.mark.parametrize(("strict", "helps"), [(15, True), (18, False), (3, True), (0, False)])
+def test_a_program_that_succeeds_at_times_is_tried_with_looser_subgoals(strict: int, helps: bool) -> None:
+    """One episode more is no gain, and what never succeeds lacks more than a number."""
     rates = {("at", "at"): 3, ("hold", "at hold"): 20, ("at", "at hold"): 20}
     story = Story(
         {**rates, **root(strict, "at hold"), **root(19, "loose"), **root(5, "too")}, {ROOT: [AT1], "at": [HOLD1]}
@@ -109,7 +109,7 @@ def test_a_promising_program_is_tried_with_looser_subgoals(strict: int, helps: b
     assert isinstance(answer, Solution) or not helps
     told_of = [each for each in told if isinstance(each, Loosened)]
     tried = [(each.predicate, each.helps) for each in told_of]
-    assert set(tried) == ({(LOOSE.predicate, helps), (TOO_LOOSE.predicate, False)} if strict > EPISODES / 2 else set())
+    assert set(tried) == ({(LOOSE.predicate, helps), (TOO_LOOSE.predicate, False)} if strict else set())
     if helps:
         assert isinstance(answer, Solution)
         assert answer.tree.node("hold").predicate == LOOSE.predicate
