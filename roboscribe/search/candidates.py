@@ -43,6 +43,8 @@ LATE = 0.9
 TELLING = 2.0
 """Bits below which being about the goal's entities does not count: a side of the table that the goal lies on is passed
 on the way to it, whatever stands in the way."""
+APART = 1.0
+"""Margin from which on it counts for all that: nothing that failed was near it, as a mug that nobody has touched."""
 OFTEN = 0.1
 """Share of the crossings beyond which φ is often true at the start."""
 LOST_LEVELS = (0.2, 0.5)
@@ -193,9 +195,10 @@ class Candidate:
         """Whether it is a step of the goal's own.
 
         It is about the goal's entities and comes before them, says much, has mostly to be brought about, and fails
-        clearly with them. Of what a loop repeats every entity is a witness: that need not say as much.
+        clearly with them. Of what a loop repeats every entity is a witness: that need not say as much, nor need what
+        lies far from all that fails.
         """
-        tells = self.each or self.bits >= TELLING
+        tells = self.each or self.bits >= TELLING or self.margin >= APART
         mostly_late, fails = self.initial <= MOST_INITIAL, self.accepted <= CLEAR
         return self.relevant and not self.comes_with_it and tells and mostly_late and fails
 
