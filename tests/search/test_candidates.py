@@ -60,6 +60,14 @@ def test_what_tells_failures_clearly_comes_before_what_is_about_the_goals_entiti
     assert replace(BASE, accepted=0.04).rank < elsewhere.rank
 
 
+def test_what_says_little_is_a_step_where_it_lies_far_from_all_that_failed() -> None:
+    """A side of the table is passed by accident; a mug that was moved, where no failing episode moved it, was not."""
+    side = replace(BASE, bits=1.6)
+    other = replace(BASE, kept=0.6, initial=0.3)
+    assert other.rank < side.rank
+    assert replace(side, margin=1.5).rank < other.rank
+
+
 def test_what_is_lost_again_is_as_late_as_it_is_long() -> None:
     """A hand is far enough at once, and away for a while later; that it has brought something there lasts."""
     passing, lasting = replace(BASE, first=0.07, kept=0.82), replace(BASE, first=0.2, kept=1.0)
