@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from roboscribe.best_first import PROMISING, Line, Search, possible_program
+from roboscribe.best_first import Line, Search, possible_program
 from roboscribe.classifier import Refinement
 from roboscribe.dsl.rewrite import conjunction, conjuncts, controllers, free_vars
 from roboscribe.dsl.syntax import Program
@@ -67,12 +67,12 @@ def synthesize(
     Departs: the goal is explicit; failure carries its reason; controllers trained once are kept. While nothing
         precedes ψ, it is compared with the attempt on ψ_R itself: an attempt on ψ that was cloned reaches most of
         what leads to ψ even where it fails, and would teach muddled predicates. A subgoal that is reached in half of
-        the episodes is first taken as it is, and so is one that nothing explains: its controllers are improved for
-        ψ_R, and ψ_R decides; the latter are trained on before, and given up where they are never reached. What
-        a loop is to bring about for every entity is not attempted before something precedes it, in the tree or as
-        another branch of its program: the attempt on ψ_R has shown that it does not come about by itself. Where most
-        failing episodes were stuck at an earlier subgoal, that one is refined first: nothing that is learned about ψ
-        helps them.
+        the episodes, or in half of a loop's turns, is first taken as it is, and so is one that nothing explains: its
+        controllers are improved for ψ_R, and ψ_R decides; the latter are trained on before, and given up where they are
+        never reached. What a loop is to bring about for every entity is not attempted before something precedes it, in
+        the tree or as another branch of its program: the attempt on ψ_R has shown that it does not come about by
+        itself. Where most failing episodes were stuck at an earlier subgoal, that one is refined first: nothing that is
+        learned about ψ helps them.
     """
     program = line.generate(psi, tree)
     if blind is not None and _is_bare_loop(psi, tree, program):
@@ -85,7 +85,7 @@ def synthesize(
     if isinstance(found, Fail):
         return found
     outcome = found.outcome
-    likely = line.limits.undecided(outcome) if psi == ROOT else outcome.rate >= PROMISING
+    likely = line.limits.undecided(outcome) if psi == ROOT else line.is_promising(psi, found)
     if line.limits.met(outcome) or (likely and line.goes_on()):
         return found
     blind = outcome.failures() if blind is None else blind

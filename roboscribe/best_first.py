@@ -188,6 +188,10 @@ class Line(Generic[Skills]):
             search.trained_again = found if in_vain and search.best is found else search.trained_again
         return replace(found, refinements=())
 
+    def is_promising(self, psi: str, found: Solution[Skills]) -> bool:
+        """Whether a subgoal is reached often enough to be taken as it is at first: of a loop, in each of its turns."""
+        return found.rate >= PROMISING ** self.search.steps.turns(found.tree.node(psi))
+
     def goes_on(self) -> bool:
         """Whether a subgoal that is reached often, but not often enough, is taken as it is."""
         return self._first_of_two()

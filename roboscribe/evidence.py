@@ -134,6 +134,10 @@ class Evidence:
         """Step at which each demonstration first reaches ψ_R, (D,); NEVER where it does not."""
         return self.first_steps(Solved())
 
+    def turns(self, node: Node) -> int:
+        """Return for how many entities a node is brought about: all of a type where it is a loop's, else one."""
+        return len(self.layout.of_type(self.types[node.role])) if node.circular else 1
+
     def truth(self, predicate: Predicate) -> BoolArray:
         """Whether a predicate about named entities holds, (S,)."""
         return holds(predicate, self.states, {}, self.layout, self.solved)

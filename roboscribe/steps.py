@@ -124,6 +124,7 @@ class Steps(Generic[Skills]):
         update_tree: UPDATETREE: tree and refinement to tree.
         validate: VALIDATE: the reason why a tree cannot be right, or None.
         explained: how many demonstrations a program explains, and of how many.
+        turns: for how many entities a node is brought about, one after the other.
         unfinished: whether steps ran out while one of the skills was still getting better.
         check: a short Exec(M, P), enough to see that a program has become much worse; None goes to `roll_out` at once.
         looser: trees in which the subgoal that failing episodes were stuck at asks for less, each with that subgoal.
@@ -138,6 +139,7 @@ class Steps(Generic[Skills]):
     update_tree: Callable[[Tree, Refinement], Tree]
     validate: Callable[[Tree], Fail | None]
     explained: Callable[[Program], tuple[int, int]]
+    turns: Callable[[Node], int] = lambda _: 1
     unfinished: Callable[[Skills], bool] = lambda _: False
     check: Callable[[Program, str, Skills], Outcome] | None = None
     looser: Callable[[Outcome, Tree], Iterable[tuple[Node, Tree]]] = lambda *_: ()
@@ -223,6 +225,7 @@ def pure_steps(
         update_tree=lambda tree, refinement: update_tree(tree, refinement.node, refinement.psi, refinement.place),
         validate=lambda tree: validate(tree, lambda phi, psi: evidence.edge_steps(tree, phi, psi)),
         explained=lambda program: explained(program, evidence),
+        turns=evidence.turns,
     )
 
 

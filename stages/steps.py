@@ -114,6 +114,7 @@ class StagedSteps:
             update_tree=self.update_tree,
             validate=self.validate,
             explained=lambda program: explained(program, self.evidence),
+            turns=lambda node: self.evidence.turns(node),
             check=self.check,
             looser=lambda outcome, tree: looser(outcome, tree, self.evidence.layout),
             unfinished=lambda library: library.last.unfinished,

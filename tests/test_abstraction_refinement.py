@@ -56,6 +56,16 @@ def test_a_subgoal_that_is_reached_in_half_of_the_episodes_is_taken_as_it_is() -
     assert story.asked == [(ROOT, ""), ("at", "at"), (ROOT, "at")]
 
 
+@pytest.mark.parametrize(("turns", "taken"), [(1, False), (3, True)])
+def test_a_loop_that_succeeds_in_half_of_its_turns_is_taken_as_it_is(turns: int, taken: bool) -> None:
+    """Three turns in a row that each succeed in half of the episodes succeed in an eighth."""
+    rates = {("hold", "at hold"): 20, ("at", "at hold"): 3, **root(20, "at hold")}
+    story = Story(rates, {ROOT: [LOOP1], "at": [HOLD1, OTHER]})
+    found = roboscribe(replace(story.steps(), turns=lambda node: turns if node.circular else 1), 0, Limits())
+    assert isinstance(found, Solution) or not taken
+    assert ((ROOT, "at hold") in story.asked) == taken
+
+
 def test_it_is_refined_after_all_where_the_goal_is_missed() -> None:
     story = Story(
         {("at", "at"): 10, ("hold", "at hold"): 20, ("at", "at hold"): 20, **root(20, "at hold")},

@@ -32,6 +32,7 @@ LAYERS = {
     "branch_threshold": TREE,
     "program_gen": TREE | {"loop_guard", "branch_condition", "branch_threshold"},
     "steps": TREE | {"program_gen", "classifier"},
+    "loosening": TREE | {"steps"},
     "best_first": TREE | {"classifier", "steps"},
     "abstraction_refinement": TREE | {"classifier", "steps", "best_first"},
     "adapt": TREE | {"loop_guard"},
@@ -51,7 +52,7 @@ LAYERS = {
     "grounding": TREE | {"program_gen", "controllers", "rl", "io"},
     "learning": TREE
     | {"abstraction_refinement", "steps", "controllers", "grounding", "runnable", "evaluation", "programs", "policy"}
-    | {"synthesis", "rl", "io"},
+    | {"synthesis", "loosening", "rl", "io"},
     "notebook": set(),
 }
 """What each part of `roboscribe` may import of the others."""

@@ -36,6 +36,11 @@ def test_outside_loops_every_demonstration_is_one_passage() -> None:
     assert [(p.demonstration, p.begin, p.end) for p in passages] == [(d, 0, 6 * STEPS + 1) for d in range(3)]
 
 
+def test_a_loop_has_a_turn_for_every_entity() -> None:
+    shown = evidence(THREE, episodes=1)
+    assert [shown.turns(LOOP.node(name)) for name in ("hold", "at")] == [1, 3]
+
+
 def test_inside_a_loop_every_entity_gives_a_passage_from_takeover_to_its_service() -> None:
     shown = evidence(THREE, episodes=2)
     passages = shown.passages(LOOP, "at")
