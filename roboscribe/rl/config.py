@@ -185,7 +185,7 @@ class TrainConfig:
         opaque_budget: the same for an attempt on ψ_R itself.
         confirm: consecutive steps for which a subgoal must hold.
         screening: episodes that tell whether the known skills of a program are worth improving for ψ_R.
-        worth_improving: share of them that must succeed.
+        worth_improving: share of them that must succeed; of a program with a loop, share of its turns.
         passable: success from which on a subgoal's skill is not reinforced before ψ_R is attempted.
         assurance: episodes after which skills are left as they are if as many as are wanted succeed: where all of 100
             do, at most 3 % fail in truth.

@@ -57,10 +57,16 @@ def screen(
             break
     rate = float(success.mean())
     assured = rate >= training.wanted and len(success) >= config.assurance
-    hopeless = rate < config.worth_improving if job.again else never_together(training, reports, success)
+    hopeless = rate < least_worth_improving(training) if job.again else never_together(training, reports, success)
     if assured or hopeless:
         return Screening(False, SkillReport(turn[-1].run.controller, "kept", 0, rate, rate, steps))
     return Screening(True, control_steps=steps)
+
+
+def least_worth_improving(training: ProgramTraining) -> float:
+    """Return the success below which a program lacks more than skill; of one with loops, that of all their turns."""
+    turns = max((training.repetitions(run) for run in training.runs), default=0)
+    return float(training.config.worth_improving ** max(1, turns))
 
 
 def _can_be_screened(training: ProgramTraining, job: SkillJob, skills: Mapping[str, Skill]) -> bool:

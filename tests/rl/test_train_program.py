@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
+from roboscribe.envs.point_world import PointTask
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import ProgramTraining, step_limits
-from roboscribe.rl.screening import mostly_fails, never_together
+from roboscribe.rl.screening import least_worth_improving, mostly_fails, never_together
 from roboscribe.rl.skill import Skill
 from roboscribe.rl.skill_job import SkillReport
 from roboscribe.rl.train_program import TrainingResult, train_program
@@ -231,6 +232,12 @@ def test_what_fails_together_and_not_one_by_one_lacks_a_subgoal(
     rates = {"hold": hold, "at": at}
     reports = [SkillReport(name, "clone", 50, rate, rate, 1) for name, rate in rates.items() if rate is not None]
     assert never_together(training, reports, np.arange(32) < successes) == together
+
+
+def test_a_loop_is_worth_improving_where_half_of_its_turns_succeed() -> None:
+    for program, blocks, turns in ((PROGRAM, 3, 1), (LOOP, 1, 1), (LOOP, 3, 3)):
+        task = PointTask("toy", ("block",) * blocks)
+        assert least_worth_improving(ProgramTraining(task, program, (), QUICK, 0, True)) == 0.5**turns
 
 
 def test_a_subgoals_skill_is_reinforced_until_it_passes() -> None:
