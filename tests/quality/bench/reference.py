@@ -169,7 +169,7 @@ def _runs(task: KinematicTask, phase: Phase, kind: Kind, v: str, tag: str) -> li
 
 def _arguments(task: KinematicTask, phase: Phase, aims: tuple[Aim, ...], v: str) -> str:
     goals = [f"g({v})"] if any(aim.to == "goal" for aim in aims) else []
-    containers = [_letter(task, aim.of) for aim in aims if aim.of]
+    containers = [_letter(task, aim.of) for aim in aims if aim.of and task.kind(aim.of).count == 1]
     return ", ".join(["μ", v, *goals, *containers])
 
 
