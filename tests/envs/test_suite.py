@@ -197,6 +197,7 @@ def told(request, numbers):
     return numbers, numbers, numbers > 0
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # jobs in the background ignore it
     pool = Workers(SuiteRequest("Lift"), 2)
     assert len(pool.do(told, np.arange(4.0))[0]) == 4
     try:
