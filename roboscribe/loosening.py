@@ -63,5 +63,5 @@ def _wider(atom: Predicate, others: Predicate, stuck: list[FloatArray], layout: 
     thresholds = [sign * bound]
     for value in np.quantile(nearest, ADMITTED, method="higher").tolist():
         if thresholds[-1] <= value < np.inf:
-            thresholds.append(beyond(value, -np.inf, abs(value), np.empty(0)))
+            thresholds.append(beyond(value, thresholds[-1], abs(value), np.empty(0)))
             yield type(atom)(left, Const(sign * thresholds[-1]))
