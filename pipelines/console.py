@@ -21,6 +21,7 @@ from roboscribe.rl.config import TrainConfig
 from roboscribe.search.candidates import Candidate
 from roboscribe.stages.runtime.events import (
     Abandoned,
+    Decision,
     Evaluated,
     Event,
     Failed,
@@ -67,7 +68,7 @@ class SynthesisConsole(ProgressBar):
                     self.say(f"  {training_line(report)}")
             case RolledOut(goal, counts, _):
                 self.say(f"  {self._tried} reached {tried_line(goal, counts)}")
-            case Refined() | Abandoned() | Retrained() | Loosened() | Removed():
+            case Decision():
                 self._decided(event)
             case Failed(reason):
                 self.say(f"FAIL: {reason}", "bold red")

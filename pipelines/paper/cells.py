@@ -23,18 +23,14 @@ from roboscribe.stages.paper.rows import GIVEN_UP, NO_PROGRAM, OURS, EvaluationP
 from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.controller_files import DESCRIPTIONS, WEIGHTS
 from roboscribe.stages.runtime.events import (
-    Abandoned,
+    Decision,
     Evaluated,
     Event,
     Failed,
     Filmed,
     Ingested,
-    Loosened,
     Packaged,
     Programmed,
-    Refined,
-    Removed,
-    Retrained,
     RolledOut,
     Trained,
 )
@@ -254,17 +250,7 @@ class SynthesisObserver:
                 self._spent(metrics.parent)
                 if goal == ROOT:
                     self.programs.append((self.counter.env_steps, self.elapsed, self._program, metrics.parent))
-            case (
-                Refined()
-                | Abandoned()
-                | Retrained()
-                | Loosened()
-                | Removed()
-                | Evaluated()
-                | Packaged()
-                | Filmed()
-                | Failed()
-            ):
+            case Decision() | Evaluated() | Packaged() | Filmed() | Failed():
                 pass
             case _:
                 assert_never(event)

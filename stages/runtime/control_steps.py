@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from roboscribe.stages.runtime.events import (
-    Abandoned,
+    Decision,
     Evaluated,
     Event,
     Failed,
     Filmed,
     Ingested,
-    Loosened,
     Packaged,
     Programmed,
-    Refined,
-    Removed,
-    Retrained,
     RolledOut,
     Trained,
 )
@@ -36,19 +32,7 @@ class ControlStepCounter:
                 self.env_steps += sum(int(report["control_steps"]) for report in reports)
             case RolledOut(_, counts, _):
                 self.env_steps += int(counts["control_steps"])
-            case (
-                Ingested()
-                | Programmed()
-                | Refined()
-                | Abandoned()
-                | Retrained()
-                | Loosened()
-                | Removed()
-                | Evaluated()
-                | Packaged()
-                | Filmed()
-                | Failed()
-            ):
+            case Ingested() | Programmed() | Decision() | Evaluated() | Packaged() | Filmed() | Failed():
                 pass
             case _:
                 assert_never(event)

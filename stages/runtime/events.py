@@ -47,8 +47,12 @@ class RolledOut:
     table: Path
 
 
+class Decision:
+    """What Algorithm 1 decides; it simulates nothing."""
+
+
 @dataclass(frozen=True)
-class Refined:
+class Refined(Decision):
     """A comparison of demonstrations and failures gave a subgoal.
 
     Args:
@@ -69,21 +73,21 @@ class Refined:
 
 
 @dataclass(frozen=True)
-class Abandoned:
+class Abandoned(Decision):
     """A line of refinements ended without a program that is good enough, and this is why; another is taken up."""
 
     reason: str
 
 
 @dataclass(frozen=True)
-class Retrained:
+class Retrained(Decision):
     """A promising program, which succeeded in the share `success` of its episodes, is trained on."""
 
     success: float
 
 
 @dataclass(frozen=True)
-class Loosened:
+class Loosened(Decision):
     """A program was tried with a subgoal that asks for less; `helps` where it succeeds more often with that."""
 
     subgoal: str
@@ -93,7 +97,7 @@ class Loosened:
 
 
 @dataclass(frozen=True)
-class Removed:
+class Removed(Decision):
     """A subgoal was taken out again; the program succeeds as often without it."""
 
     subgoal: str

@@ -20,6 +20,7 @@ from roboscribe.io.atomic import Json, sha256_of
 from roboscribe.io.saved_program import CONTROLLERS, TREE
 from roboscribe.stages.runtime.events import (
     Abandoned,
+    Decision,
     Evaluated,
     Event,
     Failed,
@@ -188,7 +189,7 @@ def _encoded(event: Event) -> dict[str, Json]:
             return {"goal": goal, "counts": dict(counts), "table": str(table), "failing": _failing(table)}
         case Evaluated(figures, table):
             return {"figures": dict(figures), "table": str(table), "failing": _failing(table)}
-        case Refined() | Abandoned() | Retrained() | Loosened() | Removed():
+        case Decision():
             return _decision(event)
         case Packaged() | Filmed() | Failed():
             return _ending(event)

@@ -21,6 +21,7 @@ from roboscribe.stages.runtime.code_version import ROOT
 from roboscribe.stages.runtime.control_steps import ControlStepCounter
 from roboscribe.stages.runtime.events import (
     Abandoned,
+    Decision,
     Evaluated,
     Event,
     Failed,
@@ -200,7 +201,7 @@ class Tracker:
             case RolledOut(goal, counts, _):
                 self._last = event
                 self._metrics(PARENT, _tried(goal, counts), self.env_steps)
-            case Refined() | Abandoned() | Retrained() | Loosened() | Removed():
+            case Decision():
                 self._decided(event)
             case Evaluated(figures, table):
                 self._evaluated(figures, table)
