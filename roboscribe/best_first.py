@@ -175,7 +175,7 @@ class Line(Generic[Skills]):
                 f"the budget of {search.limits.programs} trained programs is spent; "
                 f"`--set limits.programs={2 * search.limits.programs}` allows for more"
             )
-        found = search.train(psi, Solution(program, tree, skills, UNTRIED, tuple(self.refinements)))
+        found = search.train(psi, Solution(program, tree, skills, UNTRIED))
         in_vain = False
         while psi == ROOT and not in_vain and search.is_getting_better(found):
             steps.tell(Retrained(found.rate))
@@ -184,9 +184,10 @@ class Line(Generic[Skills]):
             found = found if in_vain else again
         blind = tree == Tree()
         if psi == ROOT and found.outcome.successes and (not blind or found.rate >= PROMISING):
-            search.keep(found, self.taken)
-            search.trained_again = found if in_vain and search.best is found else search.trained_again
-        return replace(found, refinements=())
+            kept = replace(found, refinements=tuple(self.refinements))
+            search.keep(kept, self.taken)
+            search.trained_again = kept if in_vain and search.best is kept else search.trained_again
+        return found
 
     def is_promising(self, psi: str, found: Solution[Skills]) -> bool:
         """Whether a subgoal is reached often enough to be taken as it is at first: of a loop, in each of its turns."""
