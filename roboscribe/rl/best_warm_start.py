@@ -48,7 +48,7 @@ def best_warm_start(
     starts: TrainingStarts,
     evaluator: SkillEvaluator,
     *,
-    again: bool = False,
+    again: int = 0,
 ) -> tuple[float, WarmStart]:
     """Find the best of what was known before and of clones.
 
@@ -58,7 +58,7 @@ def best_warm_start(
         skills: what is known.
         starts: to train from.
         evaluator: measures skills.
-        again: whether it was learned before this training.
+        again: turns at improving it that it has had, this one included; clones are tried in the first one alone.
 
     Returns:
         The success of what was known before, 0 where nothing was, and the best.
@@ -69,7 +69,7 @@ def best_warm_start(
         return 0.0, cloned or WarmStart(fresh, evaluator(fresh).rate, "initial")
     known = WarmStart(skills[run.controller], evaluator(skills[run.controller]).rate, "kept")
     good = known.rate >= training.enough(run)
-    if good or (again and training.may_be_enough(run, known.rate, len(evaluator.starts))):
+    if good or again > 1 or (again and training.may_be_enough(run, known.rate, len(evaluator.starts))):
         return known.rate, known
     cloned = _clone(training, run, fresh, starts, evaluator)
     return known.rate, cloned if cloned is not None and cloned.rate > known.rate else known

@@ -180,6 +180,8 @@ class TrainConfig:
         subgoal_target: the same where the program is for a subgoal.
         budget: control steps that one training of a skill may take, its start states and evaluations included.
         learning: share of them that reinforcement learning itself may take.
+        rounds: turns at improving that PPO gives each controller of a program that is known, one controller after the
+            other: what one learns changes where the others start, and what they start from is soon out of date.
         first_budget: most that learning may take where nothing comes before the skill yet: a hard subgoal had better
             be refined.
         opaque_budget: the same for an attempt on ψ_R itself.
@@ -200,6 +202,7 @@ class TrainConfig:
     subgoal_target: float = 0.97
     budget: int = 500_000
     learning: float = 0.5
+    rounds: int = 2
     first_budget: int = 60_000
     opaque_budget: int = 10_000
     confirm: int = CONFIRM

@@ -272,9 +272,7 @@ class ProgramTraining:
         seed = self.seed_of(f"{run.controller} weights")
         return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
 
-    def held_out(
-        self, run: Run, skills: Mapping[str, Skill], most: float, *, again: bool = False
-    ) -> tuple[StartPool, int]:
+    def held_out(self, run: Run, skills: Mapping[str, Skill], most: float, *, again: int = 0) -> tuple[StartPool, int]:
         """Return starts on which a controller is measured, and the control steps that it took to find them.
 
         They are few enough that an evaluation takes a quarter of the steps at most.
@@ -283,16 +281,16 @@ class ProgramTraining:
             run: the controller's statement.
             skills: controllers so far.
             most: control steps that may be spent on the controller.
-            again: whether it was trained before: one that was chosen for its success on some starts shows its true
-                success on others.
+            again: turns at improving it, this one included: one that was chosen for its success on some starts shows
+                its true success on others.
         """
         wanted = min(
             self._starts_wanted(run, self.config.pool.evaluation), max(1, int(most / 4 / self.training_limit(run)))
         )
-        return self._starts(run, skills, wanted, HELD_OUT * most, "held out again" if again else "held out")
+        return self._starts(run, skills, wanted, HELD_OUT * most, "held out" + again * " again")
 
     def starts(
-        self, run: Run, skills: Mapping[str, Skill], most: float, left: float = inf, *, again: bool = False
+        self, run: Run, skills: Mapping[str, Skill], most: float, left: float = inf, *, again: int = 0
     ) -> tuple[StartPool, int]:
         """Return starts from which a controller is trained, and the control steps that it took to find them.
 
@@ -305,7 +303,7 @@ class ProgramTraining:
         """
         wanted = self._starts_wanted(run, self.config.pool.starts)
         most = min(TO_TRAIN_FROM * most, left)
-        return self._starts(run, skills, wanted, most, "starts again" if again else "starts")
+        return self._starts(run, skills, wanted, most, "starts" + again * " again")
 
     def _starts_wanted(self, run: Run, usual: int) -> int:
         if isinstance(run.until, Solved):

@@ -43,7 +43,7 @@ def screen(
     if not turn or (turn[0].together and _subgoal_is_missing(training, reports)):
         return Screening(False)
     config, job = training.config, turn[0]
-    if (job.again and training.trained_before) or not _can_be_screened(training, job, skills):
+    if (job.again == 1 and training.trained_before) or not _can_be_screened(training, job, skills):
         return Screening(True)
     seeds = training.draw(f"screening {job.title} {training.solve}").integers(SEEDS, size=LONGEST * config.assurance)
     success, steps = tried(training, skills, seeds[: config.screening])
@@ -75,7 +75,7 @@ def _can_be_screened(training: ProgramTraining, job: SkillJob, skills: Mapping[s
         return all(run.controller in skills for run in training.runs) and affordable(
             training, training.config.screening
         )
-    return job.again and training.solve
+    return job.again > 0 and training.solve
 
 
 def _subgoal_is_missing(training: ProgramTraining, reports: Sequence[SkillReport]) -> bool:

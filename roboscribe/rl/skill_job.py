@@ -15,14 +15,15 @@ class SkillJob:
         run: its statement.
         title: under which its progress is kept.
         reinforce: whether reinforcement learning may follow the warm start.
-        again: whether it was learned before, so that no subgoal is expected before it.
+        again: turns at improving it, this one included; 0 where it was not learned before. Where it was, no subgoal is
+            expected before it.
         together: whether its loop's controllers have all had a first turn.
     """
 
     run: Run
     title: str
     reinforce: bool = True
-    again: bool = False
+    again: int = 0
     together: bool = False
 
 

@@ -103,36 +103,58 @@ def train_program(
     )
     skills, reports, whole = dict(library), list[SkillReport](), WholeProgram(training)
     for turn in _turns(training, library):
-        verdict = screen(training, turn, skills, reports)
-        reports += [] if verdict.report is None else [verdict.report]
-        steps = verdict.control_steps
-        for job in turn if verdict.worthwhile else ():
-            name = job.run.controller
-            before = 0 if job.again else sum(each.control_steps for each in reports if each.controller == name)
-            skill, report = _learn(training, context, job, skills, before + steps + whole.most(skills))
-            if report.learner in IMPROVED and whole.suffers(skills, {**skills, name: skill}):
-                report = replace(report, learner="undone", success=report.known_success, unfinished=False)
-            else:
-                skills[name] = skill
-            reports.append(replace(report, control_steps=report.control_steps + steps + whole.take_steps()))
-            steps = 0
+        found = _take_turn(training, context, turn, skills, reports, whole)
+        reports += found
+        if turn and turn[0].again and not any(report.learner in IMPROVED for report in found):
+            break  # the starts of a further round would be those of this one
     return TrainingResult(skills, tuple(reports))
+
+
+def _take_turn(
+    training: ProgramTraining,
+    context: _RunContext,
+    turn: Sequence[SkillJob],
+    skills: dict[str, Skill],
+    before: Sequence[SkillReport],
+    whole: WholeProgram,
+) -> list[SkillReport]:
+    """Learn what a turn is to learn, where it is worthwhile, and put it among the `skills`."""
+    verdict = screen(training, turn, skills, before)
+    reports = [] if verdict.report is None else [verdict.report]
+    steps = verdict.control_steps
+    for job in turn if verdict.worthwhile else ():
+        name = job.run.controller
+        spent = sum(each.control_steps for each in before if each.controller == name)
+        skill, report = _learn(training, context, job, skills, spent + steps + whole.most(skills))
+        if report.learner in IMPROVED and whole.suffers(skills, {**skills, name: skill}):
+            report = replace(report, learner="undone", success=report.known_success, unfinished=False)
+        else:
+            skills[name] = skill
+        reports.append(replace(report, control_steps=report.control_steps + steps + whole.take_steps()))
+        steps = 0
+    return reports
 
 
 def _turns(training: ProgramTraining, library: Mapping[str, Skill]) -> Iterator[tuple[SkillJob, ...]]:
     """List what is learned in which order: controllers that the library lacks, in textual order, then known ones.
 
     A loop's controllers take two turns: warm starts of all of them first, because only together do they show the
-    states of later iterations; then each is measured and reinforced on those.
+    states of later iterations; then each is measured and reinforced on those. Known ones are improved in rounds.
     """
     for group in training.groups:
         runs = [run for run in group.runs if run.controller not in library]
         yield tuple(SkillJob(run, training.title(run), reinforce=not group.loop) for run in runs)
         yield tuple(SkillJob(run, f"{run.controller}.loop", together=True) for run in runs if group.loop)
-    yield tuple(_known(training, library))
+    for again in range(1, _rounds(training) + 1):
+        yield tuple(_known(training, library, again))
 
 
-def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[SkillJob]:
+def _rounds(training: ProgramTraining) -> int:
+    """Return how many turns known controllers have to be improved; SAC begins anew in each, and has one."""
+    return 1 if isinstance(training.config.learner, SacConfig) else training.config.rounds
+
+
+def _known(training: ProgramTraining, library: Mapping[str, Skill], again: int) -> list[SkillJob]:
     """List the controllers of the library that are to be improved, in textual order.
 
     A program that is to bring ψ_R about may improve all it knows; where it solves the task too rarely a subgoal is
@@ -140,7 +162,8 @@ def _known(training: ProgramTraining, library: Mapping[str, Skill]) -> list[Skil
     nothing explains why it fails.
     """
     runs = {run.controller: run for run in training.runs}
-    known = [SkillJob(run, f"{name}.improved", again=True) for name, run in runs.items() if name in library]
+    title = "improved" if again == 1 else f"improved.{again}"
+    known = [SkillJob(run, f"{name}.{title}", again=again) for name, run in runs.items() if name in library]
     return known if training.solve or len(known) == len(runs) else []
 
 
@@ -175,7 +198,7 @@ def _train(
     steps = spent + evaluator.world.control_steps
     report = SkillReport(run.controller, learner, len(held_out), rate, rate, steps, known_success=known)
     context.log(run.controller, {"warm_success": rate}, report.control_steps + starts.control_steps)
-    budget = config.learning_steps if job.again else _budget(training, run, rate, len(held_out))
+    budget = config.learning_steps // _rounds(training) if job.again else _budget(training, run, rate, len(held_out))
     spared = job.again and training.may_be_enough(run, rate, len(held_out))
     if rate < training.enough(run) and not spared and job.reinforce and budget:
         warm, report = _improve(training, context, job, warm, report, starts, evaluator, budget)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from roboscribe.dsl.interpreter import execute
 from roboscribe.dsl.syntax import Get, Goal, Not, Program, Run, Seq, Solved, Truth, While
 from roboscribe.envs.point_world import PointTask
+from roboscribe.rl import warm_start
 from roboscribe.rl.config import CloneConfig, InverseConfig, PoolConfig, PpoConfig, SacConfig, TrainConfig
 from roboscribe.rl.pool import StartPool
 from roboscribe.rl.program_training import ProgramTraining, step_limits
@@ -92,7 +93,7 @@ def test_what_a_clone_reaches_needs_no_starts_to_train_from(monkeypatch: pytest.
     find = ProgramTraining.starts
 
     def starts(
-        self: ProgramTraining, run: Run, skills: Mapping[str, Skill], most: float, left: float, *, again: bool = False
+        self: ProgramTraining, run: Run, skills: Mapping[str, Skill], most: float, left: float, *, again: int = 0
     ) -> tuple[StartPool, int]:
         looked_for.append(run.controller)
         return find(self, run, skills, most, left, again=again)
@@ -253,10 +254,38 @@ def test_a_subgoals_skill_is_reinforced_until_it_passes() -> None:
 def test_in_every_turn_a_program_is_trained_from_other_starts(trained: TrainingResult) -> None:
     run = Run("hold", (mu, b), HOLD)
     first, second = (
-        ProgramTraining(TASK, PROGRAM, SHOWN, QUICK, 0, True, turn).held_out(run, trained.library, 1e5, again=True)[0]
+        ProgramTraining(TASK, PROGRAM, SHOWN, QUICK, 0, True, turn).held_out(run, trained.library, 1e5, again=1)[0]
         for turn in (1, 2)
     )
     assert not np.array_equal(first.states, second.states)
+
+
+def test_a_second_round_starts_elsewhere_and_clones_nothing(
+    trained: TrainingResult, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find, clone = ProgramTraining.held_out, warm_start.clone_frames
+    starts: list[StartPool] = []
+    cloned: list[str] = []
+
+    def held_out(
+        self: ProgramTraining, run: Run, skills: Mapping[str, Skill], most: float, *, again: int = 0
+    ) -> tuple[StartPool, int]:
+        found = find(self, run, skills, most, again=again)
+        starts.append(found[0])
+        return found
+
+    def clone_frames(fresh: Skill, *args: object) -> object:
+        cloned.append(fresh.name)
+        return clone(fresh, *args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(ProgramTraining, "held_out", held_out)
+    monkeypatch.setattr("roboscribe.rl.best_warm_start.clone_frames", clone_frames)
+    useless = trained.library["hold"].with_layers(tuple((0 * w, 0 * c) for w, c in trained.library["hold"].layers))
+    known = {**trained.library, "hold": useless}  # it is better after the first round, so that there is a second one
+    result = train_program(TASK, PROGRAM, SHOWN, known, replace(QUICK, target=2.0, worth_improving=0.0), 0)
+    assert [report.controller for report in result.reports] == ["hold", "at"] * 2
+    assert cloned == ["hold", "at"]
+    assert not np.array_equal(starts[0].states, starts[2].states)
 
 
 def test_an_attempt_on_the_task_itself_is_cheap_and_not_cloned() -> None:

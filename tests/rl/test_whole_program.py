@@ -102,6 +102,7 @@ def test_what_is_little_worse_each_time_is_measured_by_the_best(
 
 
 def test_what_makes_the_program_worse_is_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is better gets another round, from where the others now leave the robot; what was undone gets none."""
     before = train_program(TASK, PROGRAM, SHOWN, {}, QUICK, 0).library
     other = {name: skill.with_layers(skill.layers) for name, skill in before.items()}
 
@@ -110,8 +111,9 @@ def test_what_makes_the_program_worse_is_undone(monkeypatch: pytest.MonkeyPatch)
         return other[name], SkillReport(name, "ppo", 9, 0.8, 0.9, 100, unfinished=True, known_success=0.7)
 
     monkeypatch.setattr("roboscribe.rl.train_program._learn", learn)
-    for worse, kept, learner, success in ((True, before, "undone", 0.7), (False, other, "ppo", 0.9)):
+    for worse, kept, learner, success, rounds in ((True, before, "undone", 0.7, 1), (False, other, "ppo", 0.9, 2)):
         monkeypatch.setattr(WholeProgram, "suffers", lambda *_, worse=worse: worse)
         result = train_program(TASK, PROGRAM, SHOWN, before, replace(QUICK, target=2.0), 0)
         assert all(result.library[name] is kept[name] for name in before)
-        assert [(r.learner, r.success, r.unfinished) for r in result.reports] == [(learner, success, not worse)] * 2
+        found = [(r.controller, r.learner, r.success, r.unfinished) for r in result.reports]
+        assert found == [(name, learner, success, not worse) for name in ("hold", "at")] * rounds
