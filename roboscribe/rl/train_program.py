@@ -154,6 +154,12 @@ def _rounds(training: ProgramTraining) -> int:
     return 1 if isinstance(training.config.learner, SacConfig) else training.config.rounds
 
 
+def _granted(training: ProgramTraining, job: SkillJob) -> int:
+    """Return the control steps that a controller may have taken by the end of this turn: an equal part in each."""
+    rounds = _rounds(training)
+    return training.config.budget * job.again // rounds if job.again else training.config.budget
+
+
 def _known(training: ProgramTraining, library: Mapping[str, Skill], again: int) -> list[SkillJob]:
     """List the controllers of the library that are to be improved, in textual order.
 
@@ -175,7 +181,7 @@ def _learn(
     identity = {"controller": job.title, "until": str(job.run.until), "seed": training.seed}
     if finished is not None and finished.exists():
         return _read(finished, identity, job.run.controller, training.task)
-    skill, report = _train(training, context, job, skills, training.config.budget - before)
+    skill, report = _train(training, context, job, skills, _granted(training, job) - before)
     if finished is not None:
         _write(finished, identity, skill, report)
     return skill, report

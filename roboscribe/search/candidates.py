@@ -47,7 +47,7 @@ APART = 1.0
 """Margin from which on it counts for all that: nothing that failed was near it, as a mug that nobody has touched."""
 OFTEN = 0.1
 """Share of the crossings beyond which φ is often true at the start."""
-LOST_LEVELS = (0.2, 0.5)
+LOST_LEVELS = (0.1, 0.5)
 """Shares of frames on which a predicate is lost again that count as equally well maintained."""
 MOST_INITIAL = 0.5
 """Share of the crossings that may begin with what leads on: more often than not there has to be something to do."""
