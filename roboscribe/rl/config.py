@@ -178,8 +178,9 @@ class TrainConfig:
         profile: what may be learned from: `actions`, `states` or `paper`; or `scripted`: the task's own controllers.
         target: evaluated success at which a skill of a program for ψ_R is good enough.
         subgoal_target: the same where the program is for a subgoal.
-        budget: control steps that one training of a skill may take, its start states and evaluations included.
-        learning: share of them that reinforcement learning itself may take.
+        budget: control steps that one training of a skill may take, its start states and evaluations included; of a
+            known one each round of improving it.
+        learning: share of them that reinforcement learning itself may take, in all rounds together.
         rounds: turns at improving that PPO gives each controller of a program that is known, one controller after the
             other: what one learns changes where the others start, and what they start from is soon out of date.
         first_budget: most that learning may take where nothing comes before the skill yet: a hard subgoal had better

@@ -124,7 +124,7 @@ def _take_turn(
     steps = verdict.control_steps
     for job in turn if verdict.worthwhile else ():
         name = job.run.controller
-        spent = sum(each.control_steps for each in before if each.controller == name)
+        spent = 0 if job.again else sum(each.control_steps for each in before if each.controller == name)
         skill, report = _learn(training, context, job, skills, spent + steps + whole.most(skills))
         if report.learner in IMPROVED and whole.suffers(skills, {**skills, name: skill}):
             report = replace(report, learner="undone", success=report.known_success, unfinished=False)
@@ -154,12 +154,6 @@ def _rounds(training: ProgramTraining) -> int:
     return 1 if isinstance(training.config.learner, SacConfig) else training.config.rounds
 
 
-def _granted(training: ProgramTraining, job: SkillJob) -> int:
-    """Return the control steps that a controller may have taken by the end of this turn: an equal part in each."""
-    rounds = _rounds(training)
-    return training.config.budget * job.again // rounds if job.again else training.config.budget
-
-
 def _known(training: ProgramTraining, library: Mapping[str, Skill], again: int) -> list[SkillJob]:
     """List the controllers of the library that are to be improved, in textual order.
 
@@ -181,7 +175,7 @@ def _learn(
     identity = {"controller": job.title, "until": str(job.run.until), "seed": training.seed}
     if finished is not None and finished.exists():
         return _read(finished, identity, job.run.controller, training.task)
-    skill, report = _train(training, context, job, skills, _granted(training, job) - before)
+    skill, report = _train(training, context, job, skills, training.config.budget - before)
     if finished is not None:
         _write(finished, identity, skill, report)
     return skill, report
