@@ -63,32 +63,33 @@ def best_warm_start(
     Returns:
         The success of what was known before, 0 where nothing was, and the best.
     """
-    fresh = training.fresh_skill(run, evaluator.starts)
     if run.controller not in skills:
-        cloned = _clone(training, run, fresh, starts, evaluator)
-        return 0.0, cloned or WarmStart(fresh, evaluator(fresh).rate, "initial")
+        cloned = _clone(training, run, starts, evaluator)
+        if cloned is not None:
+            return 0.0, cloned
+        fresh = training.fresh_skills(run, evaluator.starts)[0]
+        return 0.0, WarmStart(fresh, evaluator(fresh).rate, "initial")
     known = WarmStart(skills[run.controller], evaluator(skills[run.controller]).rate, "kept")
     good = known.rate >= training.enough(run)
     if good or again > 1 or (again and training.may_be_enough(run, known.rate, len(evaluator.starts))):
         return known.rate, known
-    cloned = _clone(training, run, fresh, starts, evaluator)
+    cloned = _clone(training, run, starts, evaluator)
     return known.rate, cloned if cloned is not None and cloned.rate > known.rate else known
 
 
-def _clone(
-    training: ProgramTraining, run: Run, fresh: Skill, starts: TrainingStarts, evaluator: SkillEvaluator
-) -> WarmStart | None:
+def _clone(training: ProgramTraining, run: Run, starts: TrainingStarts, evaluator: SkillEvaluator) -> WarmStart | None:
     """Return the best clone this profile allows; None where there is nothing to clone."""
     config, frames = training.config, training.frames(run)
     if frames is None or isinstance(run.until, Solved):
         return None
     seed = training.seed_of(f"{run.controller} clone")
+    blanks = training.fresh_skills(run, evaluator.starts)
     match config.profile:
         case "actions":
-            found = clone_frames(fresh, frames.samples(), evaluator, config, seed)
+            found = clone_frames(blanks, frames.samples(), evaluator, config, seed)
         case "states":
-            spec, pool = training.spec(run, speeds=True), starts.pool
-            found = clone_states(fresh, frames, pool, spec, starts.counted(evaluator), config, seed)
+            spec, pool = training.specs(run, speeds=True)[0], starts.pool
+            found = clone_states(blanks, frames, pool, spec, starts.counted(evaluator), config, seed)
         case "paper" | "scripted":
             return None
         case other:

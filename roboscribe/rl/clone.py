@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -87,6 +87,31 @@ def clone(skill: Skill, samples: CloningSamples, config: CloneConfig, seed: int)
         optimizer.step()
         if step in stops:
             yield step, skill.with_layers(_mean_layers(layers_of(network), actions))
+
+
+def foretelling_error(skill: Skill, samples: CloningSamples, config: CloneConfig, seed: int) -> float:
+    """Return how far a short clone of either half of the frames is from the actions of the other half.
+
+    What it sees that does not matter misleads it about demonstrations that it was not fitted to.
+
+    Args:
+        skill: as in `clone`.
+        samples: demonstrated frames, one demonstration after the other.
+        config: settings.
+        seed: decides everything.
+
+    Returns:
+        Mean squared distance of actions; 0 of a single frame.
+    """
+    halves = [samples.take(half) for half in np.array_split(np.arange(len(samples)), 2)]
+    if not all(len(half) for half in halves):
+        return 0.0
+    short = replace(config, steps=min(config.steps, config.least_steps), checkpoints=1)
+    errors = []
+    for shown, other in (halves, reversed(halves)):
+        ((_, fitted),) = clone(skill, shown, short, seed)
+        errors.append(((fitted.act(other.states, other.entities) - other.actions) ** 2).sum(axis=1).mean())
+    return float(np.mean(errors))
 
 
 def gaussian_loss(output: torch.Tensor, target: torch.Tensor, least_log_std: float) -> torch.Tensor:

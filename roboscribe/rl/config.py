@@ -18,6 +18,7 @@ class CloneConfig:
     Args:
         steps: most gradient steps; in between there is one per frame.
         least_steps: fewest gradient steps.
+        patient_steps: the same where a first clone fell short: few frames have to be seen more often.
         checkpoints: how many evenly spaced weights are tried by rollouts.
         batch: samples per step.
         learning_rate: Adam's, falling to zero along a cosine.
@@ -26,11 +27,11 @@ class CloneConfig:
         least_log_std: lower clip of the predicted log standard deviation, pre-tanh.
         input_noise: standard deviation of the noise on normalised inputs.
         extra_frames: frames taken beyond the one on which φ is first true.
-        attempts: seeds tried until a clone reaches the target.
     """
 
     steps: int = 6000
     least_steps: int = 1500
+    patient_steps: int = 4000
     checkpoints: int = 3
     batch: int = 256
     learning_rate: float = 3e-3
@@ -39,7 +40,6 @@ class CloneConfig:
     least_log_std: float = -3.0
     input_noise: float = 0.3
     extra_frames: int = 8
-    attempts: int = 2
 
 
 @dataclass(frozen=True)

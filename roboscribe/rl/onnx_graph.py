@@ -12,7 +12,7 @@ from onnx import ModelProto, NodeProto, TensorProto, ValueInfoProto, helper, num
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.rewrite import run_variables
 from roboscribe.dsl.syntax import Run
-from roboscribe.rl.observation import CLIP, FINE_CLIP, LEAST_LENGTH, PLANAR, TURNED_SCALES, Encoder, Part
+from roboscribe.rl.observation import CLIP, FINE_CLIP, LEAST_LENGTH, NEARBY, PLANAR, TURNED_SCALES, Encoder, Part
 from roboscribe.rl.skill import Skill
 from roboscribe.world.layout import ROBOT, Attribute
 from roboscribe.world.units import in_si
@@ -101,11 +101,33 @@ def _encoded(graph: _Graph, skill: Skill, names: Sequence[str]) -> str:
     units = [in_si(_attribute(skill.encoder, spec.parts[i]).unit) for i, _ in spec.pairs]
     lengths = [graph("Mul", each, unit) for each, unit in zip(differences, units, strict=True)]
     normal = graph("Div", graph("Sub", raw, np.array(spec.mean)), np.array(spec.std))
-    seen = [graph.bounded(normal, CLIP)]
+    coarse, fine = graph.bounded(normal, CLIP), list[str]()
     if lengths:
         joint = graph("Concat", *lengths, axis=1)
-        seen += [graph.bounded(graph("Div", joint, scale), FINE_CLIP) for scale in spec.fine]
-    return graph("Concat", *seen, *_turned(graph, skill, lengths), axis=1)
+        fine = [graph.bounded(graph("Div", joint, scale), FINE_CLIP) for scale in spec.fine]
+    if spec.nearby:
+        share = _share(graph, skill, lengths)
+        count, width = len(spec.mean), sum(_width(skill.encoder, spec.parts[i]) for i, _ in spec.pairs)
+        own, differing = graph.columns(coarse, 0, count - width), graph.columns(coarse, count - width, count)
+        coarse = graph("Concat", own, graph("Mul", differing, share), axis=1)
+        fine = [graph("Mul", each, share) for each in fine]
+    return graph("Concat", coarse, *fine, *_turned(graph, skill, lengths), axis=1)
+
+
+def _width(encoder: Encoder, part: Part) -> int:
+    return _attribute(encoder, part).width
+
+
+def _share(graph: _Graph, skill: Skill, lengths: Sequence[str]) -> str:
+    """Return the share of each difference, in metres, that is seen."""
+    shares = []
+    for rank, each in enumerate(lengths):
+        whole = graph("Add", graph("Mul", each, 0.0), 1.0)
+        if rank in skill.spec.nearby:
+            left = graph("Clip", graph("Sub", 1.0, graph("Div", _length(graph, each), NEARBY)), 0.0, 1.0)
+            whole = graph("Mul", whole, left)
+        shares.append(whole)
+    return graph("Concat", *shares, axis=1)
 
 
 def _turned(graph: _Graph, skill: Skill, differences: Sequence[str]) -> list[str]:
@@ -124,8 +146,11 @@ def _turned(graph: _Graph, skill: Skill, differences: Sequence[str]) -> list[str
 
 def _direction(graph: _Graph, flat: str) -> str:
     """Divide a difference by its length."""
-    length = graph("Sqrt", graph("ReduceSum", graph("Mul", flat, flat), np.array([1]), keepdims=1))
-    return graph("Div", flat, graph("Max", length, LEAST_LENGTH))
+    return graph("Div", flat, graph("Max", _length(graph, flat), LEAST_LENGTH))
+
+
+def _length(graph: _Graph, difference: str) -> str:
+    return graph("Sqrt", graph("ReduceSum", graph("Mul", difference, difference), np.array([1]), keepdims=1))
 
 
 def _along_and_across(graph: _Graph, flat: str, ahead: str) -> tuple[str, str]:

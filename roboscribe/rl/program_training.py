@@ -251,18 +251,26 @@ class ProgramTraining:
         """In which steps of each demonstration anything changes."""
         return busy(self.demonstrations)
 
-    def spec(self, run: Run, *, speeds: bool = False) -> ObservationSpec:
-        """Return what is seen of a controller's arguments, not yet normalised.
+    def specs(self, run: Run, *, speeds: bool = False) -> tuple[ObservationSpec, ...]:
+        """Return what may be seen of a controller's arguments, not yet normalised, the most first.
 
         In a loop goals are seen, too: a controller takes over where the last entity was served, and has to leave it.
+        Few demonstrations do not show what hardly matters: how differences lie to each other, or goals far off.
         With `speeds` all of these are seen: together they tell which action was taken.
         """
         types = {part.var.name: part.type for part in walk(self.program) if isinstance(part, Get)}
-        return observation_spec(run, types, self.task.layout, goals=self.in_loop(run), speeds=speeds)
+        most, near = (
+            observation_spec(run, types, self.task.layout, goals=self.in_loop(run), near=near, speeds=speeds)
+            for near in (False, True)
+        )
+        return tuple(dict.fromkeys((most, replace(most, turned=()), replace(near, turned=()))))
 
-    def fresh_skill(self, run: Run, pool: StartPool) -> Skill:
-        """Return an untrained skill that sees its arguments, normalised on demonstrated, else on start states."""
-        layout, spec, frames = self.task.layout, self.spec(run), self.frames(run)
+    def fresh_skills(self, run: Run, pool: StartPool) -> tuple[Skill, ...]:
+        """Return untrained skills that see less and less, normalised on demonstrated, else on start states."""
+        return tuple(self._fresh_skill(run, pool, spec) for spec in self.specs(run))
+
+    def _fresh_skill(self, run: Run, pool: StartPool, spec: ObservationSpec) -> Skill:
+        layout, frames = self.task.layout, self.frames(run)
         if frames is None or not len(frames.states):
             fitted = spec.fitted(layout, pool.states, pool.entities)
         else:

@@ -188,7 +188,7 @@ def _train(
     run = job.run
     held_out, spent = training.held_out(run, skills, most, again=job.again)
     if not len(held_out):
-        untrained = skills.get(run.controller) or training.fresh_skill(run, held_out)
+        untrained = skills.get(run.controller) or training.fresh_skills(run, held_out)[0]
         return untrained, SkillReport(run.controller, "initial", 0, 0.0, 0.0, spent)
     config = training.config
     world = training.task.world(config.pool.batch)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from roboscribe.dsl.segmentation import Segment
-from roboscribe.rl.clone import CloningSamples, clone
-from roboscribe.rl.config import TrainConfig
+from roboscribe.rl.clone import CloningSamples, clone, foretelling_error
+from roboscribe.rl.config import CloneConfig, TrainConfig
 from roboscribe.rl.inverse_dynamics import Transitions, explore, fit_inverse, probe, random_actions
 from roboscribe.rl.observation import ObservationSpec
 from roboscribe.rl.pool import StartPool
@@ -111,15 +111,25 @@ def joined(parts: Sequence[Frames]) -> Frames:
 
 
 def clone_frames(
-    fresh: Skill, samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
+    blanks: Sequence[Skill], samples: CloningSamples, evaluator: SkillEvaluator, config: TrainConfig, seed: int
 ) -> tuple[Skill, float] | None:
     """Return the first clone that reaches the target in rollouts, else the best; None where there is nothing to clone.
 
-    Clones are tried of one seed after the other, each seed's latest checkpoint first, as long as the budget lasts.
+    The first attempt is short and sees the most. Longer ones begin with what foretells actions best of demonstrations
+    that it was not fitted to. Each has another seed, and its latest checkpoint is tried first, as long as the budget
+    lasts.
+
+    Args:
+        blanks: untrained skills, the one that sees the most first.
+        samples: demonstrated frames.
+        evaluator: measures clones in rollouts.
+        config: settings.
+        seed: decides everything.
     """
     best: tuple[Skill, float] | None = None
-    for attempt in range(config.clone.attempts if len(samples) else 0):
-        for _, skill in reversed(list(clone(fresh, samples, config.clone, seed + attempt))):
+    attempts = _attempts(blanks, samples, config.clone, seed) if len(samples) else iter(())
+    for attempt, (blank, settings) in enumerate(attempts):
+        for _, skill in reversed(list(clone(blank, samples, settings, seed + attempt))):
             if best is not None and evaluator.rest < 0:
                 return best
             rate = evaluator(skill, 0.0 if best is None else best[1]).rate
@@ -130,8 +140,19 @@ def clone_frames(
     return best
 
 
+def _attempts(
+    blanks: Sequence[Skill], samples: CloningSamples, config: CloneConfig, seed: int
+) -> Iterator[tuple[Skill, CloneConfig]]:
+    """Yield what is cloned, and how patiently."""
+    yield blanks[0], config
+    patient = replace(config, least_steps=config.patient_steps)
+    errors = [foretelling_error(blank, samples, config, seed) for blank in blanks] if len(blanks) > 1 else [0.0]
+    for rank in np.argsort(errors, kind="stable"):
+        yield blanks[rank], patient
+
+
 def clone_states(
-    fresh: Skill,
+    blanks: Sequence[Skill],
     frames: Frames,
     pool: StartPool,
     spec: ObservationSpec,
@@ -146,7 +167,7 @@ def clone_states(
     inverse model is fitted again, to the clone's own rollouts too.
 
     Args:
-        fresh: gives name, observation and layout.
+        blanks: as in `clone_frames`.
         frames: demonstrated; their actions are not used.
         pool: start states of the skill.
         spec: what the inverse model sees of a state.
@@ -158,10 +179,10 @@ def clone_states(
     data = _first_tries(frames, pool, evaluator, config, rng)
     best: tuple[Skill, float] | None = None
     for turn in range(config.inverse.rounds if len(data) else 0):
-        model = fit_inverse(spec, fresh.layout, data, config.inverse, seed + turn)
+        model = fit_inverse(spec, blanks[0].layout, data, config.inverse, seed + turn)
         done = model.infer(frames.states, frames.following, frames.entities)
         found = clone_frames(
-            fresh, CloningSamples(frames.states, frames.entities, done), evaluator, config, seed + turn
+            blanks, CloningSamples(frames.states, frames.entities, done), evaluator, config, seed + turn
         )
         if found is not None and (best is None or found[1] > best[1]):
             best = found

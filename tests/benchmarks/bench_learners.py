@@ -119,7 +119,7 @@ def bench_ppo(training: ProgramTraining, watch: Watch, iterations: int = 10) -> 
     """Run PPO for a few iterations."""
     run, config = training.runs[0], PpoConfig(critic_iterations=0)
     pool, _ = training.starts(run, {}, UNBOUNDED)
-    skill, learning = training.fresh_skill(run, pool), Watch()
+    skill, learning = training.fresh_skills(run, pool)[0], Watch()
     budget = iterations * config.worlds * config.steps
     task = LearnerTask(training.subtask(run), pool, lambda *_: Verdict(0.0, 0), 1.0, budget)
 
@@ -143,7 +143,7 @@ def bench_sac(training: ProgramTraining, watch: Watch, rounds: int = 120) -> Fig
     SAC.train = learning.timed(train)  # type: ignore[method-assign,assignment] # the library has no hook around its updates
     try:
         watch.seconds, start = 0.0, perf_counter()
-        train_sac(training.fresh_skill(run, pool), task, config, 0)
+        train_sac(training.fresh_skills(run, pool)[0], task, config, 0)
         wall = perf_counter() - start
     finally:
         SAC.train = train  # type: ignore[method-assign] # put back
@@ -157,7 +157,7 @@ def bench_clone(training: ProgramTraining) -> Figures:
     frames = training.frames(run)
     assert frames is not None
     pool, _ = training.starts(run, {}, UNBOUNDED)
-    skill, start = training.fresh_skill(run, pool), perf_counter()
+    skill, start = training.fresh_skills(run, pool)[0], perf_counter()
     list(cloning.clone(skill, frames.samples(), config, 0))
     wall = perf_counter() - start
     return Figures("cloning", config.steps, config.batch, 0, wall, 0.0, wall)
@@ -174,7 +174,7 @@ def bench_inverse(training: ProgramTraining, watch: Watch) -> Figures:
     entities = np.repeat(frames.entities, config.tries, axis=0)
     data = probe(world, snapshots, entities, random_actions(1, len(snapshots), 4, rng))
     fitting = perf_counter()
-    fit_inverse(training.spec(run, speeds=True), training.task.layout, data, config, 0)
+    fit_inverse(training.specs(run, speeds=True)[0], training.task.layout, data, config, 0)
     end = perf_counter()
     return Figures("inverse dynamics", config.steps, config.batch, len(data), end - start, watch.seconds, end - fitting)
 

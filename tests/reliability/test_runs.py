@@ -113,7 +113,7 @@ def reinforced() -> SynthesisPlan:
     """Plan a synthesis that hardly clones its first subgoal, and reinforces it whatever the clone is like."""
     plan = learned()
     assert plan.training is not None
-    clone = CloneConfig(steps=2, least_steps=2, checkpoints=1, attempts=1)
+    clone = CloneConfig(steps=2, least_steps=2, checkpoints=1, patient_steps=2)
     training = replace(plan.training, clone=clone, worth_improving=0.0)
     return replace(plan, limits=Limits(success=0.9, programs=2), training=training)
 

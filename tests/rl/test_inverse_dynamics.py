@@ -80,12 +80,10 @@ def test_clones_demonstrations_without_actions(stored: bool) -> None:
     pool = StartPool(starts, starts[:, :6], np.zeros((60, 1), np.int64), np.zeros(60, np.int64), np.arange(60))
     held_out, training = pool.take(np.arange(30)), pool.take(np.arange(30, 60))
     evaluator = SkillEvaluator(Subtask(TASK, HOLD, ("b",), 25), held_out, TASK.world(30))
-    config = TrainConfig(
-        profile="states", target=0.9, inverse=QUICK, clone=CloneConfig(steps=250, hidden=(32, 32), attempts=1)
-    )
+    config = TrainConfig(profile="states", target=0.9, inverse=QUICK, clone=CloneConfig(steps=250, hidden=(32, 32)))
     spec = observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout())
     fresh = Skill("hold", spec.fitted(layout(), frames.states, frames.entities), (), layout())
-    found = clone_states(fresh, frames, training, SPEC, evaluator, config, 0)
+    found = clone_states([fresh], frames, training, SPEC, evaluator, config, 0)
     assert found is not None
     skill, rate = found
     assert rate >= 0.8

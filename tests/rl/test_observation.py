@@ -34,6 +34,21 @@ def test_in_a_loop_goals_are_seen_too() -> None:
     ), "a goal among the arguments is not seen twice"
 
 
+def test_where_the_robot_may_have_to_leave_is_seen_from_near_by_alone() -> None:
+    """The goal lies 0.1 m from the robot, or further off than is seen; what it holds to the block stays as it is."""
+    spec = observation_spec(HOLD, {"b": "block"}, layout(1), goals=True, near=True)
+    assert spec.nearby == (1,)
+    assert spec.turned == ()
+    states = np.array([[0.1, 0.2, 0.3, 0.4, 0.1, 0.3], [0.1, 0.2, 0.3, 0.4, 0.1, 5.0], [0.1, 0.2, 0.3, 0.4, -9.0, 0.2]])
+    bound = np.zeros((3, 1), np.int64)
+    near, far, farther = Encoder(spec.fitted(layout(1), states, bound), layout(1))(states, bound)
+    seen = np.flatnonzero(near != far)
+    np.testing.assert_array_equal(far, farther)
+    assert (far[seen] == 0).all()
+    assert near[-1] == np.float32(0.5 * -FINE_CLIP), "half of it is seen from half the way"
+    assert {*far[far != 0]} <= {*near}
+
+
 def test_positions_are_seen_as_differences() -> None:
     encoder = Encoder(observation_spec(AT, {"b": "block"}, layout(2)), layout(2))
     raw = encoder.raw(STATE, np.array([[0]]))

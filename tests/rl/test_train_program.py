@@ -1,6 +1,6 @@
 """TRAINPROGRAM on the kinematic toy: what is learned, from what, at what cost, and how it resumes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ QUICK = TrainConfig(
     opaque_budget=800,
     screening=8,
     pool=PoolConfig(starts=24, evaluation=16, opaque=8, batch=16, screening=4),
-    clone=CloneConfig(steps=250, hidden=(32, 32), checkpoints=2, attempts=1),
+    clone=CloneConfig(steps=250, hidden=(32, 32), checkpoints=2),
     inverse=InverseConfig(steps=400, hidden=(32, 32)),
     learner=PpoConfig(worlds=16, steps=10, epochs=2, minibatches=2, critic_iterations=1, evaluate_every=2),
     blind=PpoConfig(worlds=16, steps=10, epochs=2, minibatches=2, critic_iterations=0, evaluate_every=2, noise=0.5),
@@ -113,7 +113,7 @@ def test_known_skills_are_left_alone(trained: TrainingResult) -> None:
 
 
 def test_a_program_that_solves_the_task_may_improve_what_is_known(trained: TrainingResult) -> None:
-    demanding = replace(QUICK, target=2.0, learning=0.0)
+    demanding = replace(QUICK, target=2.0, learning=0.0, rounds=1)
     result = train_program(TASK, PROGRAM, SHOWN, trained.library, demanding, 0)
     assert [report.controller for report in result.reports] == ["hold", "at"]
     assert all(report.success >= report.warm_success for report in result.reports)
@@ -274,9 +274,9 @@ def test_a_second_round_starts_elsewhere_and_clones_nothing(
         starts.append(found[0])
         return found
 
-    def clone_frames(fresh: Skill, *args: object) -> object:
-        cloned.append(fresh.name)
-        return clone(fresh, *args)  # type: ignore[arg-type]
+    def clone_frames(blanks: Sequence[Skill], *args: object) -> object:
+        cloned.append(blanks[0].name)
+        return clone(blanks, *args)  # type: ignore[arg-type]
 
     monkeypatch.setattr(ProgramTraining, "held_out", held_out)
     monkeypatch.setattr("roboscribe.rl.best_warm_start.clone_frames", clone_frames)
