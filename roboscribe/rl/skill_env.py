@@ -135,9 +135,17 @@ class SkillEnv:
 
 @dataclass(frozen=True)
 class Attempts:
-    """Outcome of one attempt from each start: success (P,), last states (P, F), control steps spent."""
+    """Outcome of one attempt from each start.
+
+    Args:
+        success: (P,).
+        harmful: (P,) it undid what a loop around the skill had achieved.
+        final: (P, F) last states.
+        control_steps: that were spent.
+    """
 
     success: BoolArray
+    harmful: BoolArray
     final: FloatArray
     control_steps: int
 
@@ -202,7 +210,7 @@ def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, wo
     """
     before = world.control_steps
     progress = AttemptCounter(subtask, len(pool))
-    success = np.zeros(len(pool), np.bool_)
+    success, harmed = np.zeros(len(pool), np.bool_), np.zeros(len(pool), np.bool_)
     final = np.zeros((len(pool), subtask.task.layout.size))
     running = np.full(world.batch, IDLE, np.int64)
     waiting = 0
@@ -216,10 +224,10 @@ def evaluate_skill(subtask: Subtask, pool: StartPool, controller: Controller, wo
             progress.begin(running[free], final[running[free]], start)
         rows = np.flatnonzero(running != IDLE)
         if not len(rows):
-            return Attempts(success, final, world.control_steps - before)
+            return Attempts(success, harmed, final, world.control_steps - before)
         ranks = running[rows]
         final[ranks] = world.step(rows, controller.act(final[ranks], pool.entities[ranks]))
         reached, late, harmful = progress.advance(ranks, final[ranks], pool.entities[ranks])
         lost = world.diverged(rows) | harmful
-        success[ranks] = reached & ~lost
+        success[ranks], harmed[ranks] = reached & ~lost, harmful
         running[rows[reached | late | lost]] = IDLE

@@ -225,7 +225,11 @@ def _improve(
     evaluator = starts.counted(evaluator)
     if rate > settings.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
         tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
-        pool, spent = pool.oversample_hard(~tried.success, settings.repeats), spent + tried.control_steps
+        # A skill does not see others that it knocks off their places: to repeat that teaches nothing.
+        pool, spent = (
+            pool.oversample_hard(~tried.success & ~tried.harmful, settings.repeats),
+            spent + tried.control_steps,
+        )
 
     def log(metrics: Mapping[str, float], step: int) -> None:
         context.log(job.run.controller, metrics, spent + starts.control_steps + step)

@@ -6,7 +6,7 @@ import torch
 
 from roboscribe.dsl.rewrite import controllers
 from roboscribe.dsl.segmentation import segment
-from roboscribe.rl.clone import CloningSamples, clone, gaussian_loss
+from roboscribe.rl.clone import CloningSamples, clone, foretelling_error, gaussian_loss
 from roboscribe.rl.config import CloneConfig
 from roboscribe.rl.observation import observation_spec
 from roboscribe.rl.skill import Skill
@@ -44,6 +44,26 @@ def test_clones_the_demonstrator() -> None:
     error = np.abs(cloned.act(fresh.states, fresh.entities) - fresh.actions)
     assert steps == QUICK.steps
     assert error.mean() < 0.1
+
+
+def test_few_demonstrations_are_foretold_best_by_what_matters_and_an_action_that_heeds_the_goal_by_the_goal() -> None:
+    least, most = (
+        observation_spec(controllers(PROGRAM)[0], {"b": "block"}, layout(), goals=goals) for goals in (False, True)
+    )
+    few, many = reaching(12, 0), reaching(200, 0)
+    towards_goal = CloningSamples(many.states, many.entities, Direct(carry=True).act(many.states, many.entities))
+    for samples, better, worse in ((few, least, most), (towards_goal, most, least)):
+        skills = [
+            Skill("hold", spec.fitted(layout(), samples.states, samples.entities), (), layout())
+            for spec in (better, worse)
+        ]
+        errors = [foretelling_error(skill, samples, QUICK, 0) for skill in skills]
+        assert errors[0] < errors[1]
+
+
+def test_one_frame_foretells_no_other() -> None:
+    samples = reaching(1, 0)
+    assert foretelling_error(blank(samples), samples, QUICK, 0) == 0.0
 
 
 def test_checkpoints_are_evenly_spaced() -> None:

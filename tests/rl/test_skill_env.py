@@ -123,6 +123,20 @@ def test_what_the_loop_has_achieved_must_stay() -> None:
     assert outcomes[-1].reward[0] < -0.9
 
 
+class _Right:
+    def act(self, states: FloatArray, entities: IntArray) -> FloatArray:
+        return np.repeat([[1.0, 0.0]], len(states), axis=0)
+
+
+def test_evaluation_tells_harm_from_other_failures() -> None:
+    away = SERVED.copy()
+    away[0, :2] = (0.1, 0.1)
+    subtask = guarded()
+    found = evaluate_skill(subtask, pool(np.concatenate([SERVED, away])), _Right(), subtask.task.world(2))
+    np.testing.assert_array_equal(found.success, [False, False])
+    np.testing.assert_array_equal(found.harmful, [True, False])
+
+
 def test_doing_no_harm_is_not_punished() -> None:
     away = SERVED.copy()
     away[0, :2] = (0.1, 0.1)
