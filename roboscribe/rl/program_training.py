@@ -267,18 +267,16 @@ class ProgramTraining:
 
     def fresh_skills(self, run: Run, pool: StartPool) -> tuple[Skill, ...]:
         """Return untrained skills that see less and less, normalised on demonstrated, else on start states."""
-        return tuple(self._fresh_skill(run, pool, spec) for spec in self.specs(run))
-
-    def _fresh_skill(self, run: Run, pool: StartPool, spec: ObservationSpec) -> Skill:
         layout, frames = self.task.layout, self.frames(run)
-        if frames is None or not len(frames.states):
-            fitted = spec.fitted(layout, pool.states, pool.entities)
-        else:
-            spec = spec.without_still(layout, frames.states, frames.entities)
-            fitted = spec.fitted(layout, frames.states, frames.entities)
-        blank = Skill(run.controller, fitted, (), layout)
-        seed = self.seed_of(f"{run.controller} weights")
-        return initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed)
+        shown = frames if frames is not None and len(frames.states) else None
+        states, entities = (pool.states, pool.entities) if shown is None else (shown.states, shown.entities)
+        found = []
+        for spec in self.specs(run):
+            seen = spec if shown is None else spec.without_still(layout, states, entities)
+            blank = Skill(run.controller, seen.fitted(layout, states, entities), (), layout)
+            seed = self.seed_of(f"{run.controller} weights")
+            found.append(initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed))
+        return tuple(found)
 
     def held_out(self, run: Run, skills: Mapping[str, Skill], most: float, *, again: int = 0) -> tuple[StartPool, int]:
         """Return starts on which a controller is measured, and the control steps that it took to find them.
