@@ -135,7 +135,7 @@ class ObservationSpec:
             ArtifactError: a field is missing or of another kind.
         """
         try:
-            return ObservationSpec(
+            found = ObservationSpec(
                 types=tuple(str(kind) for kind in _rows(data["types"])),
                 parts=tuple(_part(row) for row in _rows(data["parts"])),
                 pairs=tuple(_pair(row) for row in _rows(data["pairs"])),
@@ -145,9 +145,18 @@ class ObservationSpec:
                 mean=_numbers(data["mean"]),
                 std=_numbers(data["std"]),
             )
+            found.check_ranks()
         except (KeyError, TypeError, ValueError) as error:
             msg = f"observation spec cannot be read: {error!r}; expected types, parts, pairs, fine, mean, std"
             raise ArtifactError(msg) from error
+        return found
+
+    def check_ranks(self) -> None:
+        """Raise ValueError where `turned` or `nearby` name a pair that is not there."""
+        named = {*self.nearby, *(rank for pair in self.turned for rank in pair)}
+        if not named <= {*range(len(self.pairs))}:
+            msg = f"expected ranks of {len(self.pairs)} pairs, found {sorted(named)}"
+            raise ValueError(msg)
 
 
 def _rows(value: object) -> list[object]:
@@ -361,12 +370,12 @@ class Encoder:
         raw = np.concatenate([values, differences], axis=1)
         normal = (raw - np.asarray(self.spec.mean)) / np.asarray(self.spec.std)
         lengths = differences * self.metres
-        share = self._seen(lengths)
-        coarse, fine = (
-            np.clip(normal, -CLIP, CLIP),
-            [np.clip(lengths / s, -FINE_CLIP, FINE_CLIP) for s in self.spec.fine],
-        )
-        coarse[:, values.shape[1] :] *= share
-        seen = [coarse, *(copy * share for copy in fine), *self._turned(lengths)]
+        coarse = np.clip(normal, -CLIP, CLIP)
+        fine = [np.clip(lengths / scale, -FINE_CLIP, FINE_CLIP) for scale in self.spec.fine]
+        if self.spec.nearby:
+            share = self._seen(lengths)
+            coarse[:, values.shape[1] :] *= share
+            fine = [copy * share for copy in fine]
+        seen = [coarse, *fine, *self._turned(lengths)]
         inputs: NDArray[np.float32] = np.concatenate(seen, axis=1).astype(np.float32)
         return inputs

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from roboscribe.dsl.rewrite import controllers, run_variables
 from roboscribe.io.saved_program import load_program
 from roboscribe.policy import Policy
 from roboscribe.programs import TRAINED
+from roboscribe.rl.onnx_graph import skill_model
 from roboscribe.rl.skill import Skill
 from roboscribe.world.layout import ROBOT, FloatArray, IntArray
 
@@ -55,6 +57,20 @@ def test_onnx_files_give_the_actions_of_the_controllers(name: str, tmp_path: Pat
         onnx.checker.check_model(model, full_check=True)
         (action,) = ReferenceEvaluator(model).run(None, seen(policy, path.stem, states, entities))
         np.testing.assert_allclose(np.asarray(action), skill.act(states, entities), atol=CLOSE)
+
+
+def test_what_is_seen_from_near_by_alone_fades_in_onnx_too() -> None:
+    policy = roboscribe.load("tower-5")
+    run, known = controllers(policy.program)[0], policy.runnable.library["hold"]
+    assert isinstance(known, Skill)
+    skill = replace(known, spec=replace(known.spec, nearby=(len(known.spec.pairs) - 1,)))
+    rows, columns = np.arange(ROWS), policy.task.layout.columns
+    states, entities = policy.task.world(ROWS).reset(rows, rows), np.zeros((ROWS, 1), np.int64)
+    states[::2, columns[0, "position", True]] = states[::2, columns[ROBOT, "position", False]] + 0.05
+    inputs = seen(policy, "hold", states, entities)
+    (action,) = ReferenceEvaluator(skill_model(skill, run)).run(None, inputs)
+    np.testing.assert_allclose(np.asarray(action), skill.act(states, entities), atol=CLOSE)
+    assert not np.allclose(skill.act(states, entities), known.act(states, entities), atol=CLOSE)
 
 
 def test_a_program_with_onnx_files_beside_it_loads(tmp_path: Path) -> None:

@@ -194,7 +194,16 @@ def test_json_round_trip() -> None:
 
 @pytest.mark.parametrize(
     "damage",
-    [{"mean": ["a"]}, {"parts": [[0, "position"]]}, {"pairs": [[0, "1"]]}, {"types": "block"}, {"std": [float("nan")]}],
+    [
+        {"mean": ["a"]},
+        {"parts": [[0, "position"]]},
+        {"pairs": [[0, "1"]]},
+        {"types": "block"},
+        {"std": [float("nan")]},
+        {"nearby": [9]},
+        {"nearby": ["1"]},
+        {"turned": [[0, 9]]},
+    ],
 )
 def test_damaged_json_is_refused(damage: dict[str, object]) -> None:
     spec = observation_spec(AT, {"b": "block"}, layout(1)).to_json()
