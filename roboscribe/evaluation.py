@@ -187,6 +187,11 @@ class Evaluation:
         """95 % Wilson interval of the success rate."""
         return float(str(self.figures["ci_low"])), float(str(self.figures["ci_high"]))
 
+    @property
+    def outcome(self) -> Outcome:
+        """The same as what rollouts of Algorithm 2 show."""
+        return Outcome(int(str(self.figures["successes"])), self.episodes)
+
     def __str__(self) -> str:
         """Spell the success rate with its interval."""
         return f"{self.task}: success {format_success(self.figures)} of {self.episodes} episodes, 95 % interval"

@@ -12,7 +12,7 @@ from roboscribe.dsl.fields import check_layout
 from roboscribe.dsl.printer import text
 from roboscribe.dsl.syntax import Program
 from roboscribe.errors import Fail, expected
-from roboscribe.evaluation import measure, try_program
+from roboscribe.evaluation import Evaluation, measure, try_program
 from roboscribe.evidence import Evidence
 from roboscribe.grounding import CHECKED, LastTraining, ground, grounds, settled_profile, stale
 from roboscribe.io.atomic import Json
@@ -33,6 +33,7 @@ from roboscribe.steps import (
     Refined,
     Removed,
     Retrained,
+    Solution,
     Steps,
     pure_steps,
 )
@@ -95,14 +96,27 @@ def synthesize(
     settings = (training or TrainConfig()).for_profile(chosen)
     evidence = Evidence.of(screened.kept, where.solved)
     asked = limits or Limits()
-    learning = Learning(where.light, evidence, seed, settings, rollout_episodes, asked, tell)
     name = task if isinstance(task, str) else task.name
-    found = roboscribe(learning.steps(program_name(name)), TrainedControllers(), asked)
-    if isinstance(found, Fail):
-        return found
-    runnable = Runnable(found.program, found.skills.library, found.skills.limits, settings.confirm)
-    evaluation = measure(runnable, where, seed, evaluation_episodes)
-    tell(str(evaluation))
+
+    def learned(practice: Task) -> tuple[Solution[TrainedControllers], Runnable, Evaluation] | Fail:
+        learning = Learning(practice, evidence, seed, settings, rollout_episodes, asked, tell)
+        solution = roboscribe(learning.steps(program_name(name)), TrainedControllers(), asked)
+        if isinstance(solution, Fail):
+            return solution
+        program = Runnable(solution.program, solution.skills.library, solution.skills.limits, settings.confirm)
+        measured = measure(program, where, seed, evaluation_episodes)
+        tell(str(measured))
+        return solution, program, measured
+
+    result = learned(where.light)
+    if not isinstance(result, Fail) and where.light != where and asked.misled(result[0].outcome, result[2].outcome):
+        tell("it succeeds in the lighter simulator, and not in the task's own: it is learned in that")
+        again = learned(where)
+        if not isinstance(again, Fail) and again[2].success > result[2].success:
+            result = again
+    if isinstance(result, Fail):
+        return result
+    found, runnable, evaluation = result
     manifest: dict[str, Json] = {
         "task": name,
         "horizon": horizon,

@@ -306,6 +306,10 @@ class Limits:
         """Whether an outcome cannot be told apart from what is wanted: its interval reaches that far."""
         return outcome.interval[1] >= self.success
 
+    def misled(self, learned: Outcome, evaluated: Outcome) -> bool:
+        """Whether a program is good enough in the simulator it was learned in, and surely not where it is evaluated."""
+        return self.met(learned) and evaluated.interval[1] < min(self.success, learned.interval[0])
+
     def doubtful(self, outcome: Outcome) -> bool:
         """Whether more episodes would tell if a program that fails at times is good enough: its interval has both."""
         low, high = outcome.interval

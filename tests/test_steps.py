@@ -146,3 +146,13 @@ def test_most_failing_episodes_may_be_stuck_at_the_same_subgoal() -> None:
 def test_episodes_tell_what_they_were_stuck_at() -> None:
     ran = replace(rollouts([[NULL], [NULL]], [(), ()], [False, False], [False, True]), unreached=("at", "at"))
     assert [(len(each.states), each.unreached) for each in Outcome.of(ran).lost] == [(2, "at"), (0, "")]
+
+
+@pytest.mark.parametrize(
+    ("learned", "evaluated", "misled"),
+    [(100, 384, True), (100, 480, False), (97, 470, False), (90, 200, False)],
+)
+def test_a_lighter_simulator_misled_where_a_program_is_good_there_alone_beyond_chance(
+    learned: int, evaluated: int, misled: bool
+) -> None:
+    assert Limits(success=0.97).misled(Outcome(learned, 100), Outcome(evaluated, 500)) == misled

@@ -13,10 +13,15 @@ import roboscribe
 from roboscribe.envs.catalogue import make_task
 from roboscribe.envs.point_world import POINT_TASKS
 from roboscribe.errors import DemonstrationError, RoboScribeError, TaskError
+from roboscribe.evaluation import Evaluation
+from roboscribe.io.atomic import Json
 from roboscribe.io.saved_program import load_program, save_program
 from roboscribe.learning import Learning, TrainedControllers
 from roboscribe.programs import program_directory
+from roboscribe.runnable import Runnable
 from roboscribe.steps import Steps
+from roboscribe.success_rate import wilson
+from roboscribe.world.task import Task
 from tests.pipelines.runs import TASK, run, scripted
 
 SHOWN = roboscribe.Demonstrations.collected(POINT_TASKS[TASK.name], 12, 0)
@@ -94,3 +99,36 @@ def test_a_program_is_measured_in_the_simulator_for_which_it_was_made(tmp_path: 
     save_program(tmp_path / "p", replace(saved, manifest={**saved.manifest, "timing": "faithful"}))
     task = make_task("pick-place-1", timing="faithful")
     assert roboscribe.load(tmp_path / "p").task == task.lasting(saved.horizon or task.horizon)
+
+
+class _Twofold(type(POINT_TASKS[TASK.name])):  # type: ignore[misc]  # the toy, with a lighter simulator
+    @property
+    def light(self) -> Task:
+        return POINT_TASKS[TASK.name]
+
+
+def test_what_succeeds_in_the_lighter_simulator_alone_is_learned_in_the_tasks_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The first evaluation is made to fail in half of its episodes, as if the simulators differed."""
+    practised: list[Task] = []
+    steps, rates = Learning.steps, iter((0.5, 1.0))
+
+    def started(learning: Learning, name: str) -> Steps[TrainedControllers]:
+        practised.append(learning.task)
+        return steps(learning, name)
+
+    def measured(program: Runnable, task: Task, seed: int, episodes: int) -> Evaluation:
+        won = round(next(rates) * episodes)
+        low, high = wilson(won, episodes)
+        figures: dict[str, Json] = {"successes": won, "episodes": episodes, "success": won / episodes}
+        return Evaluation(task.name, seed, {**figures, "ci_low": low, "ci_high": high}, {})
+
+    monkeypatch.setattr(Learning, "steps", started)
+    monkeypatch.setattr("roboscribe.learning.measure", measured)
+    task, lines = _Twofold(TASK.name, ("block",)), list[str]()
+    found = roboscribe.synthesize(task, SHOWN.trajectories, profile="scripted", rollout_episodes=20, tell=lines.append)
+    assert isinstance(found, roboscribe.Synthesis)
+    assert practised == [task.light, task]
+    assert found.evaluation.success == 1.0
+    assert any("lighter simulator" in line for line in lines)
