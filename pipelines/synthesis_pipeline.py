@@ -100,18 +100,12 @@ class _Learned:
     running: dict[str, Path]
     tree: Path
     evaluated: Path
-
-    @property
-    def figures(self) -> dict[str, Any]:
-        """Of the final evaluation."""
-        figures: dict[str, Any] = read_json(self.evaluated / OUTCOME)
-        return figures
+    figures: dict[str, Any]
 
     @property
     def outcome(self) -> Outcome:
         """What the final evaluation showed."""
-        figures = self.figures
-        return Outcome(int(figures["successes"]), int(figures["episodes"]))
+        return Outcome(int(self.figures["successes"]), int(self.figures["episodes"]))
 
     def misled(self, plan: SynthesisPlan) -> bool:
         """Tell whether the lighter simulator that it was learned in, where there is one, let it succeed too easily."""
@@ -137,7 +131,7 @@ def _learned(plan: SynthesisPlan, shown: Path, call: RunStage, put: StoreValue, 
     running = {"program": staged.program(solution.program), **solution.skills.runnable()}
     config = evaluate.Config(plan.task, plan.seed, plan.evaluation_episodes, plan.training.confirm)
     evaluated = call("evaluate program", evaluate.STAGE, config, running)
-    return _Learned(solution, running, staged.tree(solution.tree), evaluated)
+    return _Learned(solution, running, staged.tree(solution.tree), evaluated, read_json(evaluated / OUTCOME))
 
 
 def command(plan: SynthesisPlan, profile: str | None) -> str:

@@ -107,15 +107,11 @@ def _encoded(graph: _Graph, skill: Skill, names: Sequence[str]) -> str:
         fine = [graph.bounded(graph("Div", joint, scale), FINE_CLIP) for scale in spec.fine]
     if spec.nearby:
         share = _share(graph, skill, lengths)
-        count, width = len(spec.mean), sum(_width(skill.encoder, spec.parts[i]) for i, _ in spec.pairs)
+        count, width = len(spec.mean), sum(_attribute(skill.encoder, spec.parts[i]).width for i, _ in spec.pairs)
         own, differing = graph.columns(coarse, 0, count - width), graph.columns(coarse, count - width, count)
         coarse = graph("Concat", own, graph("Mul", differing, share), axis=1)
         fine = [graph("Mul", each, share) for each in fine]
     return graph("Concat", coarse, *fine, *_turned(graph, skill, lengths), axis=1)
-
-
-def _width(encoder: Encoder, part: Part) -> int:
-    return _attribute(encoder, part).width
 
 
 def _share(graph: _Graph, skill: Skill, lengths: Sequence[str]) -> str:

@@ -270,11 +270,10 @@ class ProgramTraining:
         layout, frames = self.task.layout, self.frames(run)
         shown = frames if frames is not None and len(frames.states) else None
         states, entities = (pool.states, pool.entities) if shown is None else (shown.states, shown.entities)
-        found = []
+        seed, found = self.seed_of(f"{run.controller} weights"), []
         for spec in self.specs(run):
             seen = spec if shown is None else spec.without_still(layout, states, entities)
             blank = Skill(run.controller, seen.fitted(layout, states, entities), (), layout)
-            seed = self.seed_of(f"{run.controller} weights")
             found.append(initial_skill(blank, self.task.action_size, self.config.clone.hidden, seed))
         return tuple(found)
 

@@ -226,10 +226,8 @@ def _improve(
     if rate > settings.stress_above and evaluator.rest > len(pool) * evaluator.subtask.limit:
         tried = evaluate_skill(evaluator.subtask, pool, warm, evaluator.world)
         # A skill does not see others that it knocks off their places: to repeat that teaches nothing.
-        pool, spent = (
-            pool.oversample_hard(~tried.success & ~tried.harmful, settings.repeats),
-            spent + tried.control_steps,
-        )
+        pool = pool.oversample_hard(~tried.success & ~tried.harmful, settings.repeats)
+        spent += tried.control_steps
 
     def log(metrics: Mapping[str, float], step: int) -> None:
         context.log(job.run.controller, metrics, spent + starts.control_steps + step)

@@ -127,15 +127,14 @@ def clone_frames(
         seed: decides everything.
     """
     best: tuple[Skill, float] | None = None
-    attempts = _attempts(blanks, samples, config.clone, seed) if len(samples) else iter(())
-    for attempt, (blank, settings) in enumerate(attempts):
+    if not len(samples):
+        return best
+    for attempt, (blank, settings) in enumerate(_attempts(blanks, samples, config.clone, seed)):
         for _, skill in reversed(list(clone(blank, samples, settings, seed + attempt))):
-            if best is not None and evaluator.rest < 0:
-                return best
             rate = evaluator(skill, 0.0 if best is None else best[1]).rate
             if best is None or rate > best[1]:
                 best = skill, rate
-            if rate >= config.target:
+            if rate >= config.target or evaluator.rest < 0:
                 return best
     return best
 

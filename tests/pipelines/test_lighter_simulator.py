@@ -30,7 +30,7 @@ def test_it_is_learned_again_and_the_command_says_so(tmp_path: Path, monkeypatch
         found = learn(plan, *rest)  # type: ignore[arg-type]
         if isinstance(found, Fail) or not plan.light:
             return found
-        return _Misled(found.solution, found.running, found.tree, found.evaluated)
+        return _Misled(found.solution, found.running, found.tree, found.evaluated, found.figures)
 
     monkeypatch.setattr(synthesis_pipeline, "_learned", learned)
     # One block is shown the same way in any order; yet it is another task.
